@@ -1,0 +1,1 @@
+"""A virtual lane-detection sensor: a road scene in, DBC-defined lane frames on CAN out."""

@@ -1,0 +1,1 @@
+"""Reading, writing and bulk decoding of CAN log files."""

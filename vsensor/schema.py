@@ -1,0 +1,133 @@
+"""Files that last: TOML into frozen structs, unknown keys refused by naming the nearest known one.
+
+Each module declares its own `Config` subclass with units in its keys and plausible ranges in
+`msgspec.Meta`; this module only reads, checks and reports.
+"""
+
+import difflib
+import math
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+
+from vsensor.errors import ConfigError
+
+T = TypeVar("T")
+
+
+class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Base of every configuration section: frozen, keyword-only, unknown keys refused."""
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file; raises ConfigError naming the file and the line."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: no such file") from None
+    except IsADirectoryError:
+        raise ConfigError(f"{path}: is a folder, a TOML file was expected") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: cannot be read: {error}") from None
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path}: not TOML: {error}") from None
+
+
+def convert(data: Mapping[str, Any], struct: type[T], where: str) -> T:
+    """Convert a parsed table to `struct`; raises ConfigError naming `where`, the key, the expectation."""
+    _require_finite(data, where, "")
+    try:
+        return msgspec.convert(data, struct)
+    except msgspec.ValidationError as error:
+        raise ConfigError(f"{where}: {_explain(str(error), data, struct)}") from None
+
+
+def check_schema(data: dict[str, Any], expected: str, where: str) -> dict[str, Any]:
+    """Return `data` without its `schema` key; refuses a missing, foreign or newer schema.
+
+    `expected` is like "vsensor.scenario/1"; a file of a lower version still loads.
+    """
+    found = data.get("schema")
+    name, _, version = expected.partition("/")
+    match = re.fullmatch(rf"{re.escape(name)}/(\d+)", found) if isinstance(found, str) else None
+    if match is None:
+        raise ConfigError(f'{where}: schema is {found!r}, expected schema = "{expected}"')
+    if int(match[1]) > int(version) or int(match[1]) < 1:
+        raise ConfigError(
+            f"{where}: schema {found!r} is not known to this version of vsensor, which reads up to {expected!r}"
+        )
+    return {key: value for key, value in data.items() if key != "schema"}
+
+
+def _require_finite(value: Any, where: str, path: str) -> None:
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            _require_finite(item, where, f"{path}.{key}" if path else str(key))
+    elif isinstance(value, list):
+        for number, item in enumerate(value):
+            _require_finite(item, where, f"{path}[{number}]")
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise ConfigError(f"{where}: {path} = {value}: a finite number was expected")
+
+
+def _explain(message: str, data: Mapping[str, Any], struct: type) -> str:
+    """Turn msgspec's message into one that names the key and the nearest known one."""
+    unknown = re.match(r"Object contains unknown field `([^`]*)`(?: - at `\$\.?([^`]*)`)?", message)
+    if unknown is None:
+        found = re.match(r"(.*?)(?: - at `(?:key in )?\$\.?([^`]*)`)?$", message)
+        if found is None or not found[2]:
+            return message
+        value = _value_at(data, found[2])
+        shown = "" if value is None or isinstance(value, Mapping | list) else f" = {value!r}"
+        return f"{found[2]}{shown}: {found[1][0].lower()}{found[1][1:]}"
+    key, path = unknown[1], unknown[2] or ""
+    known = sorted(_known_keys(struct, path))
+    near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
+    full = f"{path}.{key}" if path else key
+    hint = f"did you mean {near[0]}?" if near else f"known keys: {', '.join(known)}"
+    return f"{full}: unknown key; {hint}"
+
+
+def _value_at(data: Any, path: str) -> Any:
+    for part in re.findall(r"[^.\[\]]+", path):
+        if isinstance(data, Mapping):
+            data = data.get(part)
+        elif isinstance(data, list) and part.isdigit() and int(part) < len(data):
+            data = data[int(part)]
+        else:
+            return None
+    return data
+
+
+def _known_keys(struct: Any, path: str) -> list[str]:
+    """Return the field names of the struct found at a msgspec path such as `camera` or `traffic[...]`."""
+    kinds = [msgspec.inspect.type_info(struct)]
+    for part in re.findall(r"[^.\[\]]+|\[[^\]]*\]", path):
+        kinds = [item for kind in kinds for item in _step(kind, part)]
+    return [
+        field.encode_name
+        for kind in kinds
+        for option in _options(kind)
+        if isinstance(option, msgspec.inspect.StructType)
+        for field in option.fields
+    ]
+
+
+def _options(kind: msgspec.inspect.Type) -> list[msgspec.inspect.Type]:
+    return list(kind.types) if isinstance(kind, msgspec.inspect.UnionType) else [kind]
+
+
+def _step(kind: msgspec.inspect.Type, part: str) -> list[msgspec.inspect.Type]:
+    found: list[msgspec.inspect.Type] = []
+    for option in _options(kind):
+        if isinstance(option, msgspec.inspect.StructType):
+            found += [field.type for field in option.fields if field.encode_name == part]
+        elif isinstance(option, msgspec.inspect.DictType):
+            found.append(option.value_type)
+        elif isinstance(option, msgspec.inspect.ListType | msgspec.inspect.VarTupleType):
+            found.append(option.item_type)
+    return found

@@ -1,0 +1,1 @@
+"""Where output goes: bus, log, trace, live table."""

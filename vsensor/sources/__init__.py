@@ -1,0 +1,1 @@
+"""Where snapshots come from: a drive over a map, a recorded drive."""

@@ -1,0 +1,324 @@
+"""The data between stages: frozen values, arrays float64 and read-only, shapes in the docstrings.
+
+Snapshot -> Observation -> Detections -> LaneEstimate -> SignalValues -> Frame
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+CodeArray = NDArray[np.uint8]
+BoolArray = NDArray[np.bool_]
+
+NANOSECONDS_PER_SECOND = 1_000_000_000
+
+
+class MarkingKind(IntEnum):
+    """What a marking looks like; numbers are those of the native DBC."""
+
+    NONE = 0
+    SOLID = 1
+    DASHED = 2
+    DOUBLE_SOLID = 3
+    DOUBLE_DASHED = 4
+    SOLID_DASHED = 5  # left stripe solid, right stripe dashed, seen along the driving direction
+    DASHED_SOLID = 6
+    BOTTS_DOTS = 7
+    ROAD_EDGE = 8
+    CURB = 9
+    UNKNOWN = 15
+
+
+class Colour(IntEnum):
+    """Paint colour; numbers are those of the native DBC."""
+
+    UNKNOWN = 0
+    WHITE = 1
+    YELLOW = 2
+    BLUE = 3
+    RED = 4
+    GREEN = 5
+    ORANGE = 6
+
+
+class Stripe(IntEnum):
+    """Which stripe of a border a marking is: the left or right one of a double, or the only one."""
+
+    SINGLE = 0
+    LEFT = 1
+    RIGHT = 2
+
+
+class Side(IntEnum):
+    """The line's place as seen from the vehicle; numbers are those of the trace."""
+
+    LEFT = 0
+    RIGHT = 1
+    NEXT_LEFT = 2
+    NEXT_RIGHT = 3
+
+
+SIDE_NAMES: Mapping[Side, str] = {
+    Side.LEFT: "left",
+    Side.RIGHT: "right",
+    Side.NEXT_LEFT: "next_left",
+    Side.NEXT_RIGHT: "next_right",
+}
+"""The word for a line in quantities, profiles, traces and tables."""
+
+
+class Unseen(IntEnum):
+    """Why a point of a line was not seen; numbers are those of the trace, SEEN is 0."""
+
+    SEEN = 0
+    NO_LINE = 1  # no marking on this side within reach
+    NO_PAINT = 2  # gap of a dashed line, or a border without paint
+    BEHIND_CAMERA = 3
+    OUTSIDE_IMAGE = 4
+    OCCLUDED = 5
+    BEYOND_RANGE = 6  # beyond the operating range at this speed
+    TOO_FEW_POINTS = 7
+    LOST = 8  # dropped by the error model or a fault
+
+
+class Light(IntEnum):
+    """Ambient light; numbers are those of the native DBC."""
+
+    DAY = 0
+    DUSK = 1
+    NIGHT = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tick:
+    """One step of the clock: `index` counts from 0, `t_ns` = start + index * period_ns, exactly."""
+
+    index: int
+    t_ns: int
+    period_ns: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EgoState:
+    """The vehicle: origin on the road below the centre of the rear axle.
+
+    `position_world_m` (3,). `roll_rad`, `pitch_rad`, `yaw_rad` are those of the road-level ego frame
+    (plane of the road, heading of the vehicle; R_world_from_ego = Rz(yaw) Ry(pitch) Rx(roll), nose
+    down positive). The body moves on its springs relative to it: `body_roll_rad`, `body_pitch_rad`,
+    `body_heave_m`. `yaw_rate_radps` is positive to the left. A state that is not known holds NaN.
+    """
+
+    t_ns: int
+    position_world_m: Array
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
+    yaw_rad: float = 0.0
+    speed_mps: float
+    yaw_rate_radps: float = 0.0
+    acceleration_mps2: float = 0.0
+    lateral_acceleration_mps2: float = 0.0
+    body_roll_rad: float = 0.0
+    body_pitch_rad: float = 0.0
+    body_heave_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Marking:
+    """One painted stripe as a chain of points along the driving direction, across roads and kinds.
+
+    `points_world_m` (N, 3) centre of the stripe, dense (0.1 m by default) and continuous, paint or
+    not; `painted` (N,) bool is False in the gaps of a dashed line and on a border without paint;
+    `kind` (N,) MarkingKind of the whole border (a double's stripes both say DOUBLE_SOLID); `colour`
+    (N,) Colour; `width_m` (N,) of the stripe; `contrast` 0..1 of the paint. Stripes of one border
+    share `group`; `stripe` says which one this is. `id` is stable for the whole run.
+    """
+
+    id: int
+    group: int
+    stripe: Stripe
+    points_world_m: Array
+    painted: BoolArray
+    kind: CodeArray
+    colour: CodeArray
+    width_m: Array
+    contrast: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Obstacle:
+    """A box that hides what lies behind it, never the ego vehicle itself.
+
+    `centre_world_m` (3,) of the box, `size_m` (length, width, height), angles as for EgoState.
+    """
+
+    id: int
+    centre_world_m: Array
+    size_m: tuple[float, float, float]
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
+    yaw_rad: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Environment:
+    """Light and rain; `rain` from 0 (dry) to 1 (heaviest)."""
+
+    light: Light = Light.DAY
+    rain: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """The road near the pose: markings and obstacles, in world coordinates."""
+
+    markings: tuple[Marking, ...]
+    obstacles: tuple[Obstacle, ...] = ()
+    environment: Environment = Environment()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Snapshot:
+    """The truth at one tick."""
+
+    t_ns: int
+    ego: EgoState
+    scene: Scene
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinePoints:
+    """Points of several lines in flat arrays, so that a stage handles all lines in one numpy call.
+
+    Line k owns the points `starts[k]:starts[k + 1]`, ordered along the driving direction with x
+    strictly increasing. `marking` (K,) is each line's place in `scene.markings`; `starts` (K + 1,);
+    `index` (N,) is each point's place in its marking's arrays (so truth can be looked up);
+    `points_ego_m` (N, 3) in the road-level ego frame.
+    """
+
+    marking: IntArray
+    starts: IntArray
+    index: IntArray
+    points_ego_m: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Observation:
+    """What the optics let the sensor see.
+
+    `lines` are the points as the camera reconstructs them (after pixel grid and inverse projection);
+    every line of `candidates` is there, with 0 points if nothing of it was seen. `sigma_y_m` (N,) is
+    each point's lateral standard deviation from the pixel grid (0 without one). `candidates` are the
+    points that were tried, exact, paint or not, and `reason` (len(candidates),) says for each why it
+    was not seen (Unseen; 0 = seen). `kind`, `colour` (K,) and `width_m` (K,) are each line's nearest
+    seen paint.
+    """
+
+    lines: LinePoints
+    sigma_y_m: Array
+    kind: CodeArray
+    colour: CodeArray
+    width_m: Array
+    candidates: LinePoints
+    reason: CodeArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Detections:
+    """What the real sensor would report as line points: operating range and errors applied.
+
+    `exposed_at_ns` carries the latency. `lines`, `sigma_y_m`, `kind`, `colour`, `width_m` as in
+    Observation, fewer points. `operating_range_m` is the range limit at this speed.
+    """
+
+    exposed_at_ns: int
+    lines: LinePoints
+    sigma_y_m: Array
+    kind: CodeArray
+    colour: CodeArray
+    width_m: Array
+    operating_range_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Boundary:
+    """One line as reported: `y(x) = c0 + c1 x + ...` on [x_min_m, x_max_m], left positive, road level.
+
+    `coefficients` (order + 1,) ascending; `covariance` (order + 1, order + 1) of them; `quality` 0..4;
+    `marking` is its place in `scene.markings`, -1 if it belongs to none (a ghost); `points` is its
+    place among the lines of the Detections it was fitted to, -1 if `measured` is False.
+    """
+
+    side: Side
+    coefficients: Array
+    covariance: Array
+    x_min_m: float
+    x_max_m: float
+    quality: int
+    kind: MarkingKind
+    colour: Colour
+    width_m: float
+    measured: bool
+    marking: int
+    points: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaneEstimate:
+    """The lines of one image; a side that is missing was not seen."""
+
+    exposed_at_ns: int
+    image_index: int
+    boundaries: tuple[Boundary, ...]
+    lane_change: int = 0  # 1 = to the left, -1 = to the right, in this image
+    degraded: bool = False  # an input (ego motion) is missing or stale
+
+    def on(self, side: Side) -> Boundary | None:
+        """Return the boundary on `side`, None if it was not seen."""
+        return next((line for line in self.boundaries if line.side is side), None)
+
+
+SignalValues = Mapping[str, float]
+"""Quantity -> physical value in SI and model signs, NaN = not available. `signals.QUANTITIES` lists them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frame:
+    """A CAN frame and the time it is due; hashable. `t_ns` of a received frame is its receive time."""
+
+    due_ns: int
+    arbitration_id: int
+    data: bytes
+    is_extended: bool = False
+    is_fd: bool = False
+    bitrate_switch: bool = False
+    channel: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Output:
+    """Everything of one tick, so that a sink can score what was sent against the truth."""
+
+    tick: Tick
+    snapshot: Snapshot
+    observation: Observation
+    detections: Detections
+    estimate: LaneEstimate
+    values: SignalValues
+    frames: tuple[Frame, ...]
+    lateness_ns: int = 0
+    stage_ns: Mapping[str, int] = field(default_factory=dict[str, int])
+
+
+def frozen(values: Any, dtype: Any = np.float64) -> NDArray[Any]:
+    """Return `values` as a contiguous read-only array."""
+    array = np.ascontiguousarray(values, dtype=dtype)
+    if array.flags.writeable:
+        array = array.copy() if array is values else array
+        array.flags.writeable = False
+    return array

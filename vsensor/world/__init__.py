@@ -1,0 +1,1 @@
+"""Roads, routes and ground truth."""
