@@ -1,1 +1,27 @@
-"""Where output goes: bus, log, trace, live table."""
+"""Where output goes besides the bus: CAN log, trace, live table."""
+
+from typing import Protocol
+
+from vsensor.types import Output
+
+
+class Sink(Protocol):
+    """Takes every tick's output after its frames were sent."""
+
+    def write(self, output: Output) -> None:
+        """Take one tick; must not block, since it runs inside the cycle."""
+        ...
+
+    def close(self) -> None:
+        """Write what is left; called once, also after Ctrl-C."""
+        ...
+
+
+SINKS = {
+    "log": "vsensor.sinks.log:LogSink",
+    "trace": "vsensor.sinks.trace:TraceSink",
+    "table": "vsensor.sinks.table:TableSink",
+}
+"""Kind of sink -> "module:Class"."""
+
+__all__ = ["SINKS", "Sink"]
