@@ -28,13 +28,14 @@ class Draws:
         self._state = self._bits.state
         self._generator = np.random.Generator(self._bits)
 
-    def at(self, stage: Stage, tick_index: int) -> np.random.Generator:
-        """Return the generator placed at the start of the stream of (seed, stage, tick).
+    def at(self, stage: Stage, tick_index: int, part: int = 0) -> np.random.Generator:
+        """Return the generator placed at the start of the stream of (seed, stage, tick, part).
 
-        The object is shared: use it up before the next call.
+        `part` separates what must not depend on each other's presence, such as the lines of an
+        image. The object is shared: use it up before the next call.
         """
         state = self._state
-        state["state"]["counter"][:] = (0, 0, int(stage), tick_index)
+        state["state"]["counter"][:] = (0, part & 0xFFFF_FFFF_FFFF_FFFF, int(stage), tick_index)
         state["buffer_pos"] = 4
         state["has_uint32"] = 0
         state["uinteger"] = 0

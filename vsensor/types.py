@@ -3,6 +3,7 @@
 Snapshot -> Observation -> Detections -> LaneEstimate -> SignalValues -> Frame
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -246,6 +247,36 @@ class Detections:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Fit:
+    """A polynomial through the points of one line: `y(x) = c0 + c1 x + ...`, ego frame, road level.
+
+    `coefficients` (order + 1,) ascending; `covariance` (order + 1, order + 1) of them, NaN where no
+    degree of freedom was left to estimate it; `x_min_m`, `x_max_m` the extent of the points;
+    `residual_std_m` of the points about the polynomial; `points` their number.
+    """
+
+    coefficients: Array
+    covariance: Array
+    x_min_m: float
+    x_max_m: float
+    residual_std_m: float
+    points: int
+
+    def y_at(self, x_m: float) -> float:
+        """Return y in metres at x."""
+        y = 0.0
+        for coefficient in reversed(self.coefficients.tolist()):
+            y = y * x_m + coefficient
+        return y
+
+    def std_at(self, x_m: float) -> float:
+        """Return the standard deviation of y at x in metres, NaN if the covariance is not known."""
+        powers = x_m ** np.arange(len(self.coefficients))
+        variance = float(powers @ self.covariance @ powers)
+        return math.sqrt(max(variance, 0.0)) if variance == variance else math.nan
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Boundary:
     """One line as reported: `y(x) = c0 + c1 x + ...` on [x_min_m, x_max_m], left positive, road level.
 
@@ -289,7 +320,10 @@ SignalValues = Mapping[str, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
-    """A CAN frame and the time it is due; hashable. `t_ns` of a received frame is its receive time."""
+    """A CAN frame and the time it is due; hashable. `due_ns` of a received frame is its receive time.
+
+    `data` of a remote frame is as many zero bytes as it asks for; an error frame has none.
+    """
 
     due_ns: int
     arbitration_id: int
@@ -298,6 +332,9 @@ class Frame:
     is_fd: bool = False
     bitrate_switch: bool = False
     channel: int = 0
+    error_state_indicator: bool = False
+    is_remote: bool = False
+    is_error: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
