@@ -42,7 +42,7 @@ class Element:
         return self.length_m * (self.start_per_m + self.end_per_m) / 2
 
     def chord(self, heading_rad: float) -> complex:
-        """Return end minus start as x + iy, exact to rounding: Gauss-Legendre on pieces of at most 0.25 rad."""
+        """Return end minus start as x + iy, exact to rounding (Gauss-Legendre, pieces <= 0.25 rad)."""
         pieces = max(1, math.ceil(abs(self.turn_rad) / 0.25))
         s = (np.arange(pieces)[:, None] + (_NODES + 1) / 2) * (self.length_m / pieces)
         rate = (self.end_per_m - self.start_per_m) / self.length_m
@@ -234,7 +234,7 @@ def add_mark(lane: ET.Element, s: float, kind: str, width_m: float) -> None:
 
 
 def add_lane(
-    parent: ET.Element, number: int, kind: str, width: float, marks: tuple[Mark, ...], w: float
+    parent: ET.Element, number: int, kind: str, width_m: float, marks: tuple[Mark, ...], mark_m: float
 ) -> None:
     lane = add(parent, "lane", id=number, type=kind, level="false")
     link = add(lane, "link")
@@ -247,7 +247,7 @@ def add_lane(
 
 def add_section(lanes: ET.Element, section: Section) -> None:
     element = add(lanes, "laneSection", s=section.s_m)
-    rows = [
+    rows: list[tuple[int, str, float, tuple[Mark, ...], float]] = [
         (1, "median", MEDIAN_M, section.median, EDGE_LINE_M),
         (2, "driving", LEFT_M, section.left_middle, LANE_LINE_M),
         (3, "driving", MIDDLE_M, section.middle_right, LANE_LINE_M),
@@ -255,13 +255,13 @@ def add_section(lanes: ET.Element, section: Section) -> None:
         (5, "shoulder", SHOULDER_M, ((0.0, "none"),), EDGE_LINE_M),
     ]
     left = add(element, "left")
-    for number, *rest in reversed(rows):
-        add_lane(left, number, *rest)
+    for number, kind, width_m, marks, mark_m in reversed(rows):
+        add_lane(left, number, kind, width_m, marks, mark_m)
     centre = add(add(element, "center"), "lane", id=0, type="none", level="false")
     add_mark(centre, 0.0, "none", 0.0)
     right = add(element, "right")
-    for number, *rest in rows:
-        add_lane(right, -number, *rest)
+    for number, kind, width_m, marks, mark_m in rows:
+        add_lane(right, -number, kind, width_m, marks, mark_m)
 
 
 def build() -> ET.Element:
