@@ -322,7 +322,7 @@ SignalValues = Mapping[str, float]
 class Frame:
     """A CAN frame and the time it is due; hashable. `due_ns` of a received frame is its receive time.
 
-    `data` of a remote frame is as many zero bytes as it asks for; an error frame has none.
+    `data` of a remote frame is as many zero bytes as it asks for.
     """
 
     due_ns: int
