@@ -1,0 +1,236 @@
+"""The truth beside an output: where each line really is, in the words and the frame of the report.
+
+All of it comes from `Observation.candidates`, the exact points of every line near the pose in the
+road-level ego frame, so truth and sensor speak of the same line and nothing is computed twice.
+
+A line is *true* if some of it is painted within the window that the sensor looks at; a border without
+any paint there is none. Which true line is on which side follows from its true place beside the
+vehicle, whatever was reported. A measured boundary is compared with the marking that it was fitted to
+(`Boundary.marking`), on the side where it was reported: a swap of sides is not an error of place.
+"""
+
+import itertools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsensor.scene import world_from_ego
+from vsensor.transforms import Rigid, relative_to
+from vsensor.types import (
+    Array,
+    Boundary,
+    IntArray,
+    LinePoints,
+    MarkingKind,
+    Output,
+    Side,
+    Snapshot,
+    Unseen,
+)
+
+RANGES_M: tuple[float, ...] = (10.0, 20.0, 50.0, 80.0, 100.0)
+"""Where truth and report are compared, x in the ego frame."""
+
+_RANGES = np.array(RANGES_M)
+_NO_Y = np.full(len(RANGES_M), np.nan)
+_NO_CUBIC = np.full(4, np.nan)
+_TANGENT_HALF_M = 0.5  # the slope at the front axle is taken over one metre: no noise of 0.1 m points
+_LEFT_SIDES = (Side.LEFT, Side.NEXT_LEFT)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LineTruth:
+    """The true line beside one reported or missing line.
+
+    `marking` is its place in `scene.markings`, -1 if there is no line (then all is NaN). `y_m`
+    (len(RANGES_M),) by linear interpolation between the dense points, NaN where the line does not
+    reach. `coefficients` (4,) of the best cubic through the true line: uniform least squares at the
+    true points that the reported fit used; for a predicted boundary at those within its x range, for
+    a line that was not reported at all of the window. `lane_offset_m` from the vehicle's centreline
+    to the inner edge at the front axle, left positive.
+    """
+
+    side: Side
+    marking: int
+    kind: MarkingKind
+    y_m: Array
+    coefficients: Array
+    lane_offset_m: float
+    reason_unseen: Unseen
+
+
+def line_truths(output: Output, front_axle_x_m: float) -> Mapping[Side, LineTruth]:
+    """Return the truth of each side that has a true line or a report; `front_axle_x_m` in the ego frame."""
+    candidates, snapshot = output.observation.candidates, output.snapshot
+    place = {marking: k for k, marking in enumerate(candidates.marking.tolist())}
+    on_side = true_sides(candidates, snapshot)
+    reported = {line.side: line for line in output.estimate.boundaries}
+    frame = world_from_ego(snapshot.ego)
+    found = {}
+    for side in Side:
+        line, k = reported.get(side), on_side.get(side)
+        if line is None and k is None:
+            continue
+        if line is not None and line.measured and line.marking >= 0:
+            k = place.get(line.marking)
+        reason = _reason_unseen(output, line, k)
+        if k is None:
+            found[side] = _no_line(side, reason)
+        else:
+            found[side] = _line_truth(output, side, line, k, frame, front_axle_x_m, reason)
+    return found
+
+
+def true_sides(candidates: LinePoints, snapshot: Snapshot) -> dict[Side, int]:
+    """Return the line (place in `candidates`) on each side, by true lateral position beside the vehicle.
+
+    Counted are lines with paint within the window, at their point nearest to x = 0.
+    """
+    starts = candidates.starts.tolist()
+    lateral = []
+    for k, (a, b) in enumerate(itertools.pairwise(starts)):
+        marking = snapshot.scene.markings[int(candidates.marking[k])]
+        if b > a and marking.painted[candidates.index[a:b]].any():
+            abeam = a + int(np.argmin(np.abs(candidates.points_ego_m[a:b, 0])))
+            lateral.append((float(candidates.points_ego_m[abeam, 1]), k))
+    left = sorted(item for item in lateral if item[0] > 0.0)
+    right = sorted((item for item in lateral if item[0] <= 0.0), reverse=True)
+    sides = {}
+    for lines, names in ((left, _LEFT_SIDES), (right, (Side.RIGHT, Side.NEXT_RIGHT))):
+        sides.update({side: k for side, (_, k) in zip(names, lines, strict=False)})
+    return sides
+
+
+def lane_width_m(truths: Mapping[Side, LineTruth]) -> float:
+    """Return the true distance between the own lane's inner edges at the front axle, NaN without both."""
+    left, right = truths.get(Side.LEFT), truths.get(Side.RIGHT)
+    return left.lane_offset_m - right.lane_offset_m if left and right else math.nan
+
+
+def best_cubic(x_m: Array, y_m: Array) -> Array:
+    """Return c0..c3 (4,) of the least-squares cubic, uniform weights, by QR on x scaled to [-1, 1].
+
+    NaN with fewer than four points. Its own code, so that it does not share a fault with the fit that
+    it judges.
+    """
+    if x_m.size < 4:
+        return _NO_CUBIC
+    middle, half = (x_m[-1] + x_m[0]) / 2, (x_m[-1] - x_m[0]) / 2
+    u = (x_m - middle) / half
+    basis = np.empty((x_m.size, 4))
+    basis[:, 0] = 1.0
+    basis[:, 1] = u
+    np.multiply(u, u, out=basis[:, 2])
+    np.multiply(basis[:, 2], u, out=basis[:, 3])
+    q, r = np.linalg.qr(basis)
+    a, b, c, d = np.linalg.solve(r, q.T @ y_m).tolist()
+    b, c, d = b / half, c / half**2, d / half**3  # now in powers of (x - middle)
+    m = float(middle)
+    return np.array([a - m * (b - m * (c - m * d)), b - m * (2 * c - 3 * m * d), c - 3 * m * d, d])
+
+
+def _no_line(side: Side, reason: Unseen) -> LineTruth:
+    return LineTruth(
+        side=side,
+        marking=-1,
+        kind=MarkingKind.NONE,
+        y_m=_NO_Y,
+        coefficients=_NO_CUBIC,
+        lane_offset_m=math.nan,
+        reason_unseen=reason,
+    )
+
+
+def _line_truth(
+    output: Output, side: Side, line: Boundary | None, k: int, frame: Rigid, axle_m: float, reason: Unseen
+) -> LineTruth:
+    candidates = output.observation.candidates
+    a, b = int(candidates.starts[k]), int(candidates.starts[k + 1])
+    number = int(candidates.marking[k])
+    marking = output.snapshot.scene.markings[number]
+    points, index = candidates.points_ego_m[a:b], candidates.index[a:b]
+    if line is None:
+        used = points
+    elif line.measured and line.points >= 0:
+        used = points[_places(output.detections.lines, line.points, index)]
+    else:
+        used = points[(points[:, 0] >= line.x_min_m) & (points[:, 0] <= line.x_max_m)]
+    abeam = int(index[int(np.argmin(np.abs(points[:, 0] - axle_m)))])
+    x, y = _one_point_further(points, index, marking.points_world_m, frame)
+    return LineTruth(
+        side=side,
+        marking=number,
+        kind=MarkingKind(int(marking.kind[abeam])),
+        y_m=np.interp(_RANGES, x, y, left=np.nan, right=np.nan),
+        coefficients=best_cubic(used[:, 0], used[:, 1]),
+        lane_offset_m=_lane_offset_m(side, x, y, axle_m, float(marking.width_m[abeam])),
+        reason_unseen=reason,
+    )
+
+
+def _places(lines: LinePoints, k: int, index: IntArray) -> IntArray:
+    """Return where the points of detected line `k` stand among the candidates with marking places `index`."""
+    wanted = lines.index[lines.starts[k] : lines.starts[k + 1]]
+    if index[-1] >= index[0]:
+        found = np.searchsorted(index, wanted)
+    else:  # a marking drawn against the driving direction
+        found = index.size - 1 - np.searchsorted(index[::-1], wanted)
+    return np.clip(found, 0, index.size - 1)
+
+
+def _one_point_further(
+    points: Array, index: IntArray, chain_world_m: Array, frame: Rigid
+) -> tuple[Array, Array]:
+    """Return x and y of the line with the next point after the window, so that y at its end is known."""
+    step = 1 if index.size < 2 or index[-1] >= index[-2] else -1
+    following = int(index[-1]) + step
+    if 0 <= following < len(chain_world_m):
+        point = relative_to(frame, chain_world_m[following : following + 1])
+        if point[0, 0] > points[-1, 0]:
+            return np.append(points[:, 0], point[0, 0]), np.append(points[:, 1], point[0, 1])
+    return points[:, 0], points[:, 1]
+
+
+def _lane_offset_m(side: Side, x: Array, y: Array, axle_m: float, width_m: float) -> float:
+    """Return the lateral position of the inner edge at the front axle, measured along the axle."""
+    if not x[0] <= axle_m <= x[-1]:
+        return math.nan
+    low, high = max(axle_m - _TANGENT_HALF_M, float(x[0])), min(axle_m + _TANGENT_HALF_M, float(x[-1]))
+    before, centre, after = np.interp((low, axle_m, high), x, y).tolist()
+    half_m = width_m / 2 * math.hypot(1.0, (after - before) / (high - low))
+    return float(centre - half_m if side in _LEFT_SIDES else centre + half_m)
+
+
+def _reason_unseen(output: Output, line: Boundary | None, k: int | None) -> Unseen:
+    """Return why the side has no measured report: what befell most of its painted points."""
+    if line is not None and line.measured:
+        return Unseen.SEEN
+    if k is None:
+        return Unseen.NO_LINE
+    observation = output.observation
+    a, b = int(observation.candidates.starts[k]), int(observation.candidates.starts[k + 1])
+    reasons = np.bincount(observation.reason[a:b], minlength=len(Unseen))
+    if reasons[Unseen.SEEN]:
+        return _reason_dropped(output, k)
+    reasons[Unseen.NO_PAINT] = 0
+    return Unseen(int(np.argmax(reasons))) if reasons.any() else Unseen.NO_PAINT
+
+
+def _reason_dropped(output: Output, k: int) -> Unseen:
+    """Return why a line of which the camera saw something was not reported as measured."""
+    seen, detected = output.observation.lines, output.detections.lines
+    marking = output.observation.candidates.marking[k]
+    if _x_of(detected, int(marking)).size:
+        return Unseen.TOO_FEW_POINTS
+    x = _x_of(seen, int(marking))
+    beyond = x.size > 0 and float(x.min()) > output.detections.operating_range_m
+    return Unseen.BEYOND_RANGE if beyond else Unseen.LOST
+
+
+def _x_of(lines: LinePoints, marking: int) -> Array:
+    place = np.flatnonzero(lines.marking == marking)
+    if not place.size:
+        return np.empty(0)
+    return lines.points_ego_m[lines.starts[place[0]] : lines.starts[place[0] + 1], 0]
