@@ -1,0 +1,150 @@
+"""Polynomials through line points: least squares by QR on a scaled abscissa, any order 1 to 9.
+
+x in [x_min, x_max] ──► t = (x - centre) / half in [-1, 1], basis T_k(t) (Chebyshev: condition
+below 10 at any order, where raw powers over 200 m have 1e7 at order 3 and 1e22 at order 9)
+coefficients and covariance ──► powers of x, by the binomial theorem, in closed form
+"""
+
+from itertools import pairwise
+from math import comb, sqrt
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+from scipy.linalg import lapack
+
+from vsensor.schema import Config
+from vsensor.types import Array, Fit, LinePoints, frozen
+
+MAX_ORDER = 9
+UNRESOLVED = 1e-9
+"""A basis polynomial whose part outside the lower ones is below this fraction is not resolved."""
+NEAR_M = 5.0
+"""Weighting "range": the standard deviation grows as hypot(5 m, x), as the pixel grid's does."""
+
+_BINOMIAL = np.array([[comb(i, j) for j in range(MAX_ORDER + 1)] for i in range(MAX_ORDER + 1)], float)
+_POWER = np.maximum(np.subtract.outer(np.arange(MAX_ORDER + 1), np.arange(MAX_ORDER + 1)), 0)
+_UPPER = np.triu(np.ones((MAX_ORDER + 2, MAX_ORDER + 2)))
+
+
+def _chebyshev_to_powers() -> Array:
+    """Return (10, 10): column k holds the coefficients of T_k(t) by powers of t, whole numbers."""
+    table = np.zeros((MAX_ORDER + 1, MAX_ORDER + 1))
+    table[0, 0] = table[1, 1] = 1.0
+    for k in range(2, MAX_ORDER + 1):
+        table[1:, k] = 2.0 * table[:-1, k - 1]
+        table[:, k] -= table[:, k - 2]
+    return table
+
+
+_CHEBYSHEV = _chebyshev_to_powers()
+
+
+class LaneFitConfig(Config, frozen=True, kw_only=True):
+    """How lines are fitted.
+
+    `order` of the polynomial; fewer points, or points too close together for it, lower it.
+    `weighting`: "uniform"; "sigma" by each point's own standard deviation; "range" by one that grows
+    with the range. A line of fewer points or shorter than `min_length_m` is no line.
+    """
+
+    order: Annotated[int, msgspec.Meta(ge=1, le=MAX_ORDER)] = 3
+    weighting: Literal["uniform", "sigma", "range"] = "uniform"
+    min_points: Annotated[int, msgspec.Meta(ge=2, le=10_000)] = 8
+    min_length_m: Annotated[float, msgspec.Meta(ge=0.0, le=100.0)] = 3.0
+
+
+def fit_lines(config: LaneFitConfig, lines: LinePoints, sigma_y_m: Array) -> tuple[Fit | None, ...]:
+    """Fit every line; `sigma_y_m` (N,) is each point's lateral standard deviation, 0 = not known."""
+    x_m, y_m = lines.points_ego_m[:, 0].copy(), lines.points_ego_m[:, 1].copy()
+    return tuple(
+        fit(config, x_m[start:stop], y_m[start:stop], sigma_y_m[start:stop])
+        for start, stop in pairwise(lines.starts.tolist())
+    )
+
+
+def fit(config: LaneFitConfig, x_m: Array, y_m: Array, sigma_y_m: Array) -> Fit | None:
+    """Fit one line through points (N,) in any order; None = too few points, or too short a line.
+
+    Points that are not finite are left out. The covariance takes the errors of the points as
+    independent: from `sigma_y_m` with weighting "sigma", from the residuals otherwise.
+    """
+    if not (np.isfinite(x_m).all() and np.isfinite(y_m).all()):
+        good = np.isfinite(x_m) & np.isfinite(y_m)
+        x_m, y_m, sigma_y_m = x_m[good], y_m[good], sigma_y_m[good]
+    if len(x_m) < config.min_points:
+        return None
+    x_min, x_max = float(x_m.min()), float(x_m.max())
+    if x_max - x_min < max(config.min_length_m, 1e-6):
+        return None
+    centre, half = 0.5 * (x_min + x_max), 0.5 * (x_max - x_min)
+    weight, known = _weight(config, x_m, sigma_y_m)
+    solved = _solve(min(config.order, len(x_m) - 1), (x_m - centre) / half, y_m, weight)
+    if solved is None:
+        return None
+    solution, inverse, squares = solved
+    free = len(x_m) - len(solution)
+    variance = squares / free if free > 0 else np.nan
+    to_raw = _raw_from_chebyshev(len(solution), centre, half)
+    root = to_raw @ inverse
+    if weight is not None:
+        residual = y_m - solution @ _basis(len(solution) - 1, (x_m - centre) / half, None)
+        squares = float(residual @ residual)
+    return Fit(
+        coefficients=frozen(to_raw @ solution),
+        covariance=frozen((1.0 if known else variance) * (root @ root.T)),
+        x_min_m=x_min,
+        x_max_m=x_max,
+        residual_std_m=sqrt(squares / free) if free > 0 else np.nan,
+        points=len(x_m),
+    )
+
+
+def _weight(config: LaneFitConfig, x_m: Array, sigma_y_m: Array) -> tuple[Array | None, bool]:
+    """Return the factor of each row (None = 1), and whether it is one over a known deviation."""
+    if config.weighting == "sigma" and sigma_y_m.min() > 0.0:
+        return 1.0 / sigma_y_m, True
+    if config.weighting == "range":
+        return NEAR_M / np.sqrt(NEAR_M**2 + x_m * x_m), False
+    return None, False
+
+
+def _solve(order: int, t: Array, y: Array, weight: Array | None) -> tuple[Array, Array, float] | None:
+    """Return Chebyshev coefficients (m,), R^-1 (m, m) and the weighted sum of squared residuals.
+
+    One QR of the basis with y as its last column: R's last column is then Q'y. The basis is nested,
+    so a lower order is a leading block of the same R. None when not even a straight line is resolved.
+    """
+    rows = _basis(order, t, weight, extra=1)
+    rows[-1] = y if weight is None else weight * y
+    factors, _, _, _ = lapack.dgeqrf(rows.T, overwrite_a=1)
+    triangle = factors[: order + 2] * _UPPER[: len(t), : order + 2]  # below it lie the reflectors
+    diagonal = np.abs(triangle.diagonal()[: order + 1])
+    resolved = diagonal > UNRESOLVED * diagonal[0]
+    size = order + 1 if resolved.all() else int(np.argmin(resolved))
+    if size < 2:
+        return None
+    inverse, _ = lapack.dtrtri(triangle[:size, :size])
+    rest = triangle[size:, -1]
+    return inverse @ triangle[:size, -1], inverse, float(rest @ rest)
+
+
+def _basis(order: int, t: Array, weight: Array | None, extra: int = 0) -> Array:
+    """Return the weighted basis (order + 1 + extra, N); its transpose has the layout LAPACK wants.
+
+    The `extra` rows are left for the caller to fill.
+    """
+    basis = np.empty((order + 1 + extra, len(t)))
+    basis[0] = 1.0 if weight is None else weight
+    np.multiply(t, basis[0], out=basis[1])
+    twice = t + t
+    for k in range(2, order + 1):
+        np.multiply(twice, basis[k - 1], out=basis[k])
+        basis[k] -= basis[k - 2]
+    return basis
+
+
+def _raw_from_chebyshev(size: int, centre: float, half: float) -> Array:
+    """Return (size, size): powers of x from T_k((x - centre) / half), by the binomial theorem."""
+    shift = _BINOMIAL[:size, :size].T * (-centre) ** _POWER[:size, :size].T
+    return np.asarray((shift * half ** -np.arange(float(size))) @ _CHEBYSHEV[:size, :size])
