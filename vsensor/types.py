@@ -96,6 +96,17 @@ class Light(IntEnum):
     NIGHT = 2
 
 
+class SensorMode(IntEnum):
+    """State of the sensor; numbers are those of the native DBC. Lines are valid in AVAILABLE and DEGRADED."""
+
+    INIT = 0
+    CALIBRATING = 1
+    AVAILABLE = 2
+    DEGRADED = 3
+    BLOCKED = 4
+    FAILED = 5
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tick:
     """One step of the clock: `index` counts from 0, `t_ns` = start + index * period_ns, exactly."""
@@ -271,8 +282,12 @@ class Fit:
 
     def std_at(self, x_m: float) -> float:
         """Return the standard deviation of y at x in metres, NaN if the covariance is not known."""
-        powers = x_m ** np.arange(len(self.coefficients))
-        variance = float(powers @ self.covariance @ powers)
+        variance = 0.0
+        for row in reversed(self.covariance.tolist()):
+            inner = 0.0
+            for entry in reversed(row):
+                inner = inner * x_m + entry
+            variance = variance * x_m + inner
         return math.sqrt(max(variance, 0.0)) if variance == variance else math.nan
 
 
