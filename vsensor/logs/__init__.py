@@ -1,1 +1,23 @@
-"""Reading, writing and bulk decoding of CAN log files."""
+"""CAN logs: read, written, decoded in bulk."""
+
+from vsensor.logs.read import READERS, iter_frames, log_format, read_log
+from vsensor.logs.table import Columns, Flag, LogReport, LogTable, Notes, Record, frames_of
+from vsensor.logs.write import WRITERS, LogWriter, open_log_writer, write_log
+
+__all__ = [
+    "READERS",
+    "WRITERS",
+    "Columns",
+    "Flag",
+    "LogReport",
+    "LogTable",
+    "LogWriter",
+    "Notes",
+    "Record",
+    "frames_of",
+    "iter_frames",
+    "log_format",
+    "open_log_writer",
+    "read_log",
+    "write_log",
+]

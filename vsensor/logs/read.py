@@ -1,0 +1,109 @@
+"""Reads any CAN log: the format follows from the suffix, `.gz` may stand behind it."""
+
+import gzip
+import io
+import zlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+from vsensor.errors import LogError
+from vsensor.logs.blf import read_blf
+from vsensor.logs.candump import read_candump
+from vsensor.logs.foreign import read_asc, read_csv, read_trc
+from vsensor.logs.mf4 import read_mf4
+from vsensor.logs.table import Columns, LogTable, Notes, frames_of, joined, table_from
+from vsensor.types import Frame
+
+Reader = Callable[[BinaryIO, Notes], Iterator[Columns]]
+
+
+def _as_text(read: Callable[[io.TextIOWrapper, Notes], Iterator[Columns]]) -> Reader:
+    """Return a reader of bytes; Latin-1 decodes any byte, and only names and months are not ASCII."""
+
+    def reader(stream: BinaryIO, notes: Notes) -> Iterator[Columns]:
+        return read(io.TextIOWrapper(stream, encoding="latin-1"), notes)
+
+    return reader
+
+
+READERS: dict[str, Reader] = {
+    ".log": read_candump,
+    ".asc": _as_text(read_asc),
+    ".blf": read_blf,
+    ".trc": _as_text(read_trc),
+    ".csv": _as_text(read_csv),
+    ".mf4": read_mf4,
+}
+"""Suffix -> reader of its frames."""
+
+BROKEN_STREAM = (OSError, EOFError, zlib.error)
+"""What a file system or a cut or damaged gzip file raises while it is read."""
+
+
+def log_format(path: Path) -> str:
+    """Return the suffix that says the format, lower case, without `.gz`; raises LogError if unknown."""
+    suffixes = [suffix.lower() for suffix in path.suffixes]
+    if suffixes[-1:] == [".gz"]:
+        suffixes.pop()
+    if not suffixes or suffixes[-1] not in READERS:
+        raise LogError(f"{path}: not a log format that is known: {', '.join(READERS)} (also with .gz) are")
+    return suffixes[-1]
+
+
+def read_chunks(path: Path, notes: Notes) -> Iterator[Columns]:
+    """Yield the frames of a log in runs, in file order; garbage and faults are kept in `notes`.
+
+    Raises LogError if the file cannot be opened or its format is not known.
+    """
+    reader = READERS[log_format(path)]
+    try:
+        with _opened(path) as stream:
+            yield from reader(stream, notes)
+    except FileNotFoundError:
+        raise LogError(f"{path}: no such file") from None
+    except IsADirectoryError:
+        raise LogError(f"{path}: is a folder, a CAN log was expected") from None
+    except PermissionError:
+        raise LogError(f"{path}: may not be read") from None
+    except BROKEN_STREAM as error:
+        notes.fault = f"{error}" or type(error).__name__
+
+
+def read_log(path: Path | str) -> LogTable:
+    """Read a whole log. Good lines and the frames before a fault are used; `.report` says what was not.
+
+    Raises LogError if there is no such file, its format is not known, or it holds no frame at all;
+    MissingExtraError for .mf4 without asammdf.
+    """
+    path = Path(path)
+    notes = Notes()
+    columns = joined(list(read_chunks(path, notes)))
+    if not len(columns.t_ns):
+        raise LogError(f"{path}: {notes.why_empty()}")
+    return table_from(str(path), columns, notes)
+
+
+def iter_frames(path: Path | str, notes: Notes | None = None) -> Iterator[Frame]:
+    """Yield the frames of a log in file order while it is read, in constant memory (.mf4: all at once).
+
+    `due_ns` is the log's time; `channel` counts channels in order of appearance (`notes.channels`).
+    `notes`, complete after the last frame, gets what was found. Raises as `read_log`.
+    """
+    path = Path(path)
+    found = Notes() if notes is None else notes
+    empty = True
+    for columns in read_chunks(path, found):
+        empty = False
+        yield from frames_of(columns)
+    if empty:
+        raise LogError(f"{path}: {found.why_empty()}")
+
+
+def _opened(path: Path) -> BinaryIO:
+    """Open a log, unpacking `.gz`; an .mf4 inside is unpacked in full, since its reader jumps about."""
+    if path.suffix.lower() != ".gz":
+        return path.open("rb")
+    if log_format(path) == ".mf4":
+        return io.BytesIO(gzip.decompress(path.read_bytes()))
+    return gzip.open(path, "rb")  # type: ignore[return-value]

@@ -1,0 +1,279 @@
+"""A CAN log as columns, and what was found while reading it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from enum import IntFlag
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsensor.types import BoolArray, Frame, IntArray
+
+CLASSIC_BYTES = 8
+FD_BYTES = 64
+FD_LENGTHS = frozenset((0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64))
+"""Data lengths that a CAN FD frame can have (ISO 11898-1, DLC 0..15)."""
+MAX_STANDARD_ID = 0x7FF
+MAX_EXTENDED_ID = 0x1FFF_FFFF
+SHOWN_GARBAGE = 5
+
+
+class Flag(IntFlag):
+    """Bits of the `flags` column."""
+
+    EXTENDED = 1
+    FD = 2
+    BITRATE_SWITCH = 4
+    ERROR_STATE = 8
+    ERROR = 16
+    REMOTE = 32
+    TRANSMITTED = 64  # sent by the recorder, not received
+
+
+class Columns(NamedTuple):
+    """A run of frames as arrays of one length N; `data` is (N, 8) or (N, 64), zero beyond `length`."""
+
+    t_ns: IntArray
+    arbitration_id: NDArray[np.uint32]
+    channel: NDArray[np.uint8]
+    flags: NDArray[np.uint8]
+    length: NDArray[np.uint8]
+    data: NDArray[np.uint8]
+
+    def taken(self, rows: BoolArray | IntArray | slice) -> "Columns":
+        """Return the chosen rows, by mask or index."""
+        return Columns(
+            self.t_ns[rows],
+            self.arbitration_id[rows],
+            self.channel[rows],
+            self.flags[rows],
+            self.length[rows],
+            self.data[rows],
+        )
+
+
+class Record(NamedTuple):
+    """One frame of a log in plain values; `data` of a remote frame is zero bytes, as many as asked for."""
+
+    t_ns: int
+    arbitration_id: int
+    channel: int
+    flags: int
+    data: bytes
+
+
+@dataclass(slots=True)
+class Notes:
+    """What a reader finds while it reads: channels by name, garbage lines, the fault that ended it."""
+
+    channels: dict[str, int] = field(default_factory=dict[str, int])
+    garbage_lines: int = 0
+    first_garbage: list[tuple[int, str]] = field(default_factory=list[tuple[int, str]])
+    other_lines: int = 0
+    impossible_frames: int = 0
+    first_impossible: str = ""
+    fault: str | None = None
+
+    def channel(self, name: str) -> int:
+        """Return the number of a channel, given out in order of appearance; 255 takes all beyond it."""
+        return self.channels.setdefault(name, min(len(self.channels), 255))
+
+    def garbage(self, line_number: int, text: str) -> None:
+        """Count a line that holds no frame and should."""
+        self.garbage_lines += 1
+        if len(self.first_garbage) < SHOWN_GARBAGE:
+            self.first_garbage.append((line_number, text.strip()[:60]))
+
+    def impossible(self, count: int, text: str) -> None:
+        """Count frames of a binary log that no bus can carry; `text` describes the first."""
+        if count and not self.impossible_frames:
+            self.first_impossible = text
+        self.impossible_frames += count
+
+    def why_empty(self) -> str:
+        """Return why a log in which no frame was found has none."""
+        if self.fault is not None:
+            return f"no frame could be read: {self.fault}"
+        if self.impossible_frames:
+            return f"holds no frame that a bus can carry: {self.first_impossible}"
+        if self.garbage_lines:
+            number, text = self.first_garbage[0]
+            return f"holds no CAN frame; {self.garbage_lines} lines are none, first line {number}: {text!r}"
+        return "holds no CAN frame"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogReport:
+    """What is in a log and what was wrong with it.
+
+    `first_garbage` holds (line number, start of the text) of the first few garbage lines, `other_lines`
+    counts lines that are no frames by right (events, statistics), `impossible_frames` those of a binary
+    log that no bus can carry (an 11-bit id above 0x7FF); all of them are left out. `repeated_timestamps` and
+    `backward_timestamps` count the intervals of 0 and below 0; `fault` says why reading ended early.
+    """
+
+    path: str
+    frames: int
+    channels: tuple[str, ...]
+    ids: int
+    first_ns: int
+    last_ns: int
+    repeated_timestamps: int
+    backward_timestamps: int
+    error_frames: int
+    remote_frames: int
+    garbage_lines: int
+    first_garbage: tuple[tuple[int, str], ...]
+    other_lines: int
+    impossible_frames: int
+    first_impossible: str
+    fault: str | None
+
+    def lines(self) -> list[str]:
+        """Return the findings as sentences, one line each; the first always says what was read."""
+        seconds = (self.last_ns - self.first_ns) / 1e9
+        channels = ", ".join(self.channels)
+        found = [f"{self.path}: {self.frames} frames, {self.ids} ids, {seconds:.3f} s, channels {channels}"]
+        if self.garbage_lines:
+            number, text = self.first_garbage[0]
+            found.append(f"{self.garbage_lines} lines are no CAN frames, first line {number}: {text!r}")
+        if self.impossible_frames:
+            found.append(f"{self.impossible_frames} frames left out: {self.first_impossible}")
+        if self.repeated_timestamps:
+            share = self.repeated_timestamps / max(1, self.frames - 1)
+            found.append(f"{self.repeated_timestamps} intervals between frames are 0 ({share:.1%})")
+        if self.backward_timestamps:
+            found.append(f"{self.backward_timestamps} timestamps run backwards")
+        if self.fault is not None:
+            found.append(f"reading ended early: {self.fault}")
+        return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogTable:
+    """A whole log: the columns of `Columns` in file order, channel names, and the report.
+
+    `channel` numbers index `channel_names`; `flags` are bits of `Flag`; times are integer nanoseconds
+    of the log's own clock, exact where the file writes them as text.
+    """
+
+    t_ns: IntArray
+    arbitration_id: NDArray[np.uint32]
+    channel: NDArray[np.uint8]
+    flags: NDArray[np.uint8]
+    length: NDArray[np.uint8]
+    data: NDArray[np.uint8]
+    channel_names: tuple[str, ...]
+    report: LogReport
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+    @property
+    def columns(self) -> Columns:
+        """The six columns alone."""
+        return Columns(self.t_ns, self.arbitration_id, self.channel, self.flags, self.length, self.data)
+
+    def data_frames(self) -> BoolArray:
+        """Return a mask (N,) of the frames that carry data: neither error nor remote."""
+        mask: BoolArray = (self.flags & (Flag.ERROR | Flag.REMOTE)) == 0
+        return mask
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield every row as a Frame."""
+        return frames_of(self.columns)
+
+
+def frames_of(columns: Columns) -> Iterator[Frame]:
+    """Yield the rows as Frames; `due_ns` is the log's time."""
+    raw = columns.data.tobytes()
+    width = columns.data.shape[1]
+    rows = zip(*(column.tolist() for column in columns[:5]), strict=True)
+    for i, (t_ns, arbitration_id, channel, flags, length) in enumerate(rows):
+        start = i * width
+        yield Frame(
+            due_ns=t_ns,
+            arbitration_id=arbitration_id,
+            data=raw[start : start + length],
+            is_extended=bool(flags & 1),
+            is_fd=bool(flags & 2),
+            bitrate_switch=bool(flags & 4),
+            channel=channel,
+            error_state_indicator=bool(flags & 8),
+            is_remote=bool(flags & 32),
+            is_error=bool(flags & 16),
+        )
+
+
+def columns_from(records: list[Record]) -> Columns:
+    """Return plain records as columns."""
+    if not records:
+        return no_columns()
+    times, ids, channels, flags, datas = zip(*records, strict=True)
+    lengths = [len(data) for data in datas]
+    width = CLASSIC_BYTES if max(lengths) <= CLASSIC_BYTES else FD_BYTES
+    raw = b"".join([data.ljust(width, b"\0") for data in datas])
+    return Columns(
+        np.array(times, dtype=np.int64),
+        np.array(ids, dtype=np.uint32),
+        np.array(channels, dtype=np.uint8),
+        np.array(flags, dtype=np.uint8),
+        np.array(lengths, dtype=np.uint8),
+        np.frombuffer(raw, dtype=np.uint8).reshape(-1, width),
+    )
+
+
+def no_columns() -> Columns:
+    """Return columns of length 0."""
+    return Columns(
+        np.empty(0, np.int64),
+        np.empty(0, np.uint32),
+        np.empty(0, np.uint8),
+        np.empty(0, np.uint8),
+        np.empty(0, np.uint8),
+        np.empty((0, CLASSIC_BYTES), np.uint8),
+    )
+
+
+def joined(parts: list[Columns]) -> Columns:
+    """Return the parts one after the other; data is as wide as the widest part."""
+    if not parts:
+        return no_columns()
+    width = max(part.data.shape[1] for part in parts)
+    data = [np.pad(part.data, ((0, 0), (0, width - part.data.shape[1]))) for part in parts]
+    return Columns(
+        np.concatenate([part.t_ns for part in parts]),
+        np.concatenate([part.arbitration_id for part in parts]),
+        np.concatenate([part.channel for part in parts]),
+        np.concatenate([part.flags for part in parts]),
+        np.concatenate([part.length for part in parts]),
+        np.concatenate(data),
+    )
+
+
+def table_from(path: str, columns: Columns, notes: Notes) -> LogTable:
+    """Return the table of a log that was read to its end (or fault)."""
+    for column in columns:
+        column.flags.writeable = False
+    steps = np.diff(columns.t_ns)
+    times = columns.t_ns
+    report = LogReport(
+        path=path,
+        frames=len(times),
+        channels=tuple(notes.channels),
+        ids=len(np.unique(columns.arbitration_id)),
+        first_ns=int(times.min()) if len(times) else 0,
+        last_ns=int(times.max()) if len(times) else 0,
+        repeated_timestamps=int(np.count_nonzero(steps == 0)),
+        backward_timestamps=int(np.count_nonzero(steps < 0)),
+        error_frames=int(np.count_nonzero(columns.flags & Flag.ERROR)),
+        remote_frames=int(np.count_nonzero(columns.flags & Flag.REMOTE)),
+        garbage_lines=notes.garbage_lines,
+        first_garbage=tuple(notes.first_garbage),
+        other_lines=notes.other_lines,
+        impossible_frames=notes.impossible_frames,
+        first_impossible=notes.first_impossible,
+        fault=notes.fault,
+    )
+    return LogTable(**columns._asdict(), channel_names=tuple(notes.channels), report=report)
