@@ -148,7 +148,7 @@ def output_of(
     reports = [
         boundary_of(k, int(n), lines[n], seen.points_ego_m[seen.starts[k] : seen.starts[k + 1]])
         for k, n in enumerate(seen.marking)
-        if lines[n].reported is not None
+        if lines[n].reported is not None and seen.starts[k + 1] > seen.starts[k]
     ]
     return Output(
         tick=Tick(index=tick, t_ns=tick * 40_000_000, period_ns=40_000_000),
