@@ -1,0 +1,16 @@
+"""What all tests share: a test of the real vcan runs there, or says why not."""
+
+import os
+
+import pytest
+
+from vsensor.bus import NETWORK_INTERFACES
+
+
+def pytest_runtest_setup(item):
+    """Skip a vcan test where there is no vcan; in CI, and when tools/test.py asks, fail instead."""
+    if item.get_closest_marker("vcan") and not (NETWORK_INTERFACES / "vcan1").exists():
+        reason = "needs vcan0 and vcan1: tools/vcan .venv/bin/python -m pytest -m vcan"
+        if os.environ.get("CI") or os.environ.get("VSENSOR_NEEDS_VCAN"):
+            pytest.fail(reason, pytrace=False)
+        pytest.skip(reason)
