@@ -238,8 +238,8 @@ def _cross(a: Array, b: Array) -> Array:
 
 def _embree(directions: Array, solids: _Solids) -> BoolArray:
     """Return which segments (3, N) from the camera meet a face that is turned to it."""
-    from embreex.mesh_construction import TriangleMesh
-    from embreex.rtcore_scene import EmbreeScene
+    from embreex.mesh_construction import TriangleMesh  # type: ignore[import-untyped]
+    from embreex.rtcore_scene import EmbreeScene  # type: ignore[import-untyped]
 
     scene = EmbreeScene(_device())
     box, face = solids.is_front.nonzero()
@@ -254,6 +254,6 @@ def _embree(directions: Array, solids: _Solids) -> BoolArray:
 @cache
 def _device() -> Any:
     """Return the one embree device of the process (45 to 90 us each to make)."""
-    from embreex import rtcore
+    from embreex import rtcore  # type: ignore[import-untyped]
 
     return rtcore.EmbreeDevice()
