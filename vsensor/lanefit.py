@@ -118,7 +118,7 @@ def _solve(order: int, t: Array, y: Array, weight: Array | None) -> tuple[Array,
     rows = _basis(order, t, weight, extra=1)
     rows[-1] = y if weight is None else weight * y
     factors, _, _, _ = lapack.dgeqrf(rows.T, overwrite_a=1)
-    triangle = factors[: order + 2] * _UPPER[: len(t), : order + 2]  # below it lie the reflectors
+    triangle = factors[: order + 2] * _UPPER[: min(len(t), order + 2), : order + 2]  # below it lie the reflectors
     diagonal = np.abs(triangle.diagonal()[: order + 1])
     resolved = diagonal > UNRESOLVED * diagonal[0]
     size = order + 1 if resolved.all() else int(np.argmin(resolved))

@@ -19,7 +19,6 @@ from collections.abc import Mapping
 from typing import Annotated
 
 import msgspec
-import numpy as np
 
 from vsensor.schema import Config
 from vsensor.types import (
@@ -56,7 +55,7 @@ def rate(config: QualityConfig, fit: Fit | None, x_m: Array, environment: Enviro
     """Return 0..4 of one line; `x_m` (N,) increasing are its points. 0 = no fit."""
     if fit is None:
         return 0
-    gap = float(np.max(x_m[1:] - x_m[:-1])) if len(x_m) > 1 else 0.0
+    gap = float((x_m[1:] - x_m[:-1]).max()) if len(x_m) > 1 else 0.0
     return min(
         _at_least(config.range_m, fit.x_max_m),
         _at_least(config.length_m, fit.x_max_m - fit.x_min_m),
@@ -70,12 +69,15 @@ def rate(config: QualityConfig, fit: Fit | None, x_m: Array, environment: Enviro
 
 
 def _at_least(limits: Limits, value: float) -> int:
-    """NaN meets no limit."""
-    return 1 + sum(value >= limit for limit in limits)
+    """Return 1 to 4; NaN meets no limit."""
+    fair, good, high = limits
+    return 1 + (value >= fair) + (value >= good) + (value >= high)
 
 
 def _at_most(limits: Limits, value: float) -> int:
-    return 1 + sum(value <= limit for limit in limits)
+    """Return 1 to 4; NaN meets no limit."""
+    fair, good, high = limits
+    return 1 + (value <= fair) + (value <= good) + (value <= high)
 
 
 def boundaries(

@@ -11,6 +11,7 @@ correlation length, so that the polynomial fitted afterwards keeps the law (an e
 never depends on which others are seen. Beyond the grid of the file the nearest value holds.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import exp, isnan, sqrt
@@ -28,6 +29,8 @@ from vsensor.types import Array, LinePoints, Tick, frozen
 
 FORGET_AFTER = 5.0
 """Correlation times after which an unseen line is forgotten: exp(-5) = 0.7 % of it would be left."""
+CHORD_M = 5.0
+"""Length over which a line's direction is taken, and the widest step of the range grid."""
 WHOLE_DRIVE = 2**64 - 1
 """Number of the stream for what is drawn once per drive; no tick has it."""
 
@@ -82,7 +85,7 @@ def load_law(config: ErrorModelConfig, folder: Path = Path()) -> ErrorLaw | None
 
 def compile_law(config: ErrorModelConfig, model: ErrorModel, where: str = "error model") -> ErrorLaw:
     """Lay the surface of the mode on a range grid fine enough for the correlation length."""
-    step_m = model.correlation_length_m / 5.0  # interpolating between such points keeps 99.5 % of the std
+    step_m = min(model.correlation_length_m / 5.0, CHORD_M)  # between such points 99.5 % of the std is kept
     pieces = [
         np.linspace(a, b, max(int(np.ceil((b - a) / step_m)), 1), endpoint=False)
         for a, b in zip(model.range_m[:-1], model.range_m[1:], strict=True)
@@ -140,9 +143,9 @@ def apply(
     if law.factor is None:
         return state, _shift(lines, law.grid_m, _signs(law.direction, draws, lines)[:, None] * std)
     state = _advance(law, state, draws, tick, line_ids)
-    place = {line: row for row, line in enumerate(state.lines)}
-    white = state.white[[place[line] for line in line_ids]]
-    return state, _shift(lines, law.grid_m, std * (white @ law.factor.T))
+    white = dict(zip(state.lines, state.white, strict=True))
+    # one product per line: a joint one rounds differently with the number of lines
+    return state, _shift(lines, law.grid_m, [std * (law.factor @ white[line]) for line in line_ids])
 
 
 def _at_speed(law: ErrorLaw, speed_mps: float) -> Array:
@@ -191,16 +194,16 @@ def _signs(direction: str, draws: Draws, lines: LinePoints) -> Array:
     return np.where(y >= 0.0, 1.0, -1.0) * (1.0 if direction == "outward" else -1.0)
 
 
-def _shift(lines: LinePoints, grid_m: Array, errors_m: Array) -> LinePoints:
+def _shift(lines: LinePoints, grid_m: Array, errors_m: Sequence[Array] | Array) -> LinePoints:
     """Move line k by `errors_m[k]` (G,) given on `grid_m`, along its normal, left positive."""
     points = lines.points_ego_m.copy()
-    offset, slope = np.empty(len(points)), np.empty(len(points))
-    bounds = lines.starts.tolist()
-    for row, (start, stop) in enumerate(pairwise(bounds)):
+    moved = np.empty(len(points), complex)  # error + i slope: one search of the grid gives both
+    for row, (start, stop) in enumerate(pairwise(lines.starts.tolist())):
         if stop > start:
-            x, y = points[start:stop, 0].copy(), points[start:stop, 1]
-            offset[start:stop] = np.interp(x, grid_m, errors_m[row])
-            slope[start:stop] = _slope(x, y)
+            x = points[start:stop, 0].copy()
+            on_grid = errors_m[row] + 1j * _slope(x, points[start:stop, 1], grid_m)
+            moved[start:stop] = np.interp(x, grid_m, on_grid)
+    offset, slope = moved.real, moved.imag
     along_y = offset / np.sqrt(1.0 + slope * slope)
     points[:, 0] -= along_y * slope
     points[:, 1] += along_y
@@ -208,17 +211,14 @@ def _shift(lines: LinePoints, grid_m: Array, errors_m: Array) -> LinePoints:
     return LinePoints(marking=lines.marking, starts=lines.starts, index=lines.index, points_ego_m=points)
 
 
-def _slope(x: Array, y: Array) -> Array:
-    """Return dy/dx at the points of one line from chords of about 5 m.
+def _slope(x: Array, y: Array, grid_m: Array) -> Array:
+    """Return dy/dx (G,) of one line on the grid, from chords of about `CHORD_M`.
 
     Between neighbours of 0.1 m the pixel grid would turn the normal by tens of degrees.
     """
-    nodes = min(int((x[-1] - x[0]) / 5.0) + 1, 40)
-    if nodes < 3:
-        return np.full(len(x), (y[-1] - y[0]) / (x[-1] - x[0]) if len(x) > 1 else 0.0)
-    place = np.searchsorted(x, np.linspace(x[0], x[-1], nodes))
-    place = place[np.concatenate(([True], place[1:] != place[:-1]))]
-    x_node, y_node = x[place], y[place]
-    middle = 0.5 * (x_node[1:] + x_node[:-1])
-    chord = (y_node[1:] - y_node[:-1]) / (x_node[1:] - x_node[:-1])
-    return np.asarray(np.interp(x, middle, chord))
+    stride = max(int((len(x) - 1) * CHORD_M / max(x[-1] - x[0], CHORD_M)), 1)
+    x_node, y_node = x[::stride], y[::stride]
+    if len(x_node) < 2:
+        return np.zeros(len(grid_m))
+    run = x_node[1:] - x_node[:-1]
+    return np.asarray(np.interp(grid_m, x_node[:-1] + 0.5 * run, (y_node[1:] - y_node[:-1]) / run))
