@@ -12,7 +12,8 @@ import struct
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass, fields
+from operator import attrgetter
 from typing import BinaryIO, TextIO
 
 from vsensor.types import SIDE_NAMES, MarkingKind, Side
@@ -59,21 +60,12 @@ class TableRow:
 
     def packed(self) -> bytes:
         """Return the row as RECORD_BYTES bytes."""
-        head = _HEAD.pack(
-            self.tick,
-            self.t_ns,
-            self.lateness_ns,
-            self.lateness_max_ns,
-            self.speed_mps,
-            self.sensor_state,
-            self.slots_dropped,
-            self.frames,
-        )
-        return head + b"".join(
-            _NOTHING if line is None else _LINE.pack(*astuple(line)) for line in self.lines
-        )
+        lines = (_NOTHING if line is None else _LINE.pack(*_line_values(line)) for line in self.lines)
+        return _HEAD.pack(*_head_values(self)) + b"".join(lines)
 
 
+_line_values = attrgetter(*(field.name for field in fields(TableLine)))
+_head_values = attrgetter(*(field.name for field in fields(TableRow) if field.name != "lines"))
 _NOTHING = _LINE.pack(*(math.nan,) * 6, 0, 0, 0)
 
 
