@@ -1,0 +1,265 @@
+"""The drive along a lane: poses, lanes beside it, and the borders as long dense lines, built in blocks.
+
+    route distance  0        200       400        (true length of the lane's middle, m)
+    blocks          |----A----|---B--|-----C---|   one lane of one section each, at most 200 m
+    stations        ......................         every 0.1 m, counted over the whole route
+    pages           [====== 0 ======]              what a window is cut from: arrays of several blocks,
+                          [====== 1 ======]        joined, so that a window is a view
+
+Blocks and pages are kept in small caches: an hour of driving needs no more memory than a minute,
+but for some 200 bytes a block. What a window shows depends on its place alone, not on what was
+asked before.
+"""
+
+import math
+from bisect import bisect_right
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+
+from vsensor.types import Array, IntArray, Marking
+from vsensor.world.borders import border_lines
+from vsensor.world.chains import Chains
+from vsensor.world.lane_piece import LanePiece
+from vsensor.world.opendrive.lanes import Section
+from vsensor.world.opendrive.network import Place
+from vsensor.world.opendrive.road import RoadMap
+from vsensor.world.page import Page, Strip, join
+from vsensor.world.route import CorridorConfig, Route
+
+PAGE_M = 200.0
+REACH_M = 300.0
+"""A page starts every 200 m and reaches 300 m past the next page's start."""
+
+BLOCKS_KEPT = 24
+PAGES_KEPT = 3
+
+K = TypeVar("K")
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Poses:
+    """Poses along the corridor: `position_world_m` (N, 3), angles and curvature (N,).
+
+    Angles are those of EgoState's road-level frame; `curvature_per_m` is the lane's, within the
+    road's plane, left positive: yaw rate about the road's normal per speed.
+    """
+
+    position_world_m: Array
+    roll_rad: Array
+    pitch_rad: Array
+    yaw_rad: Array
+    curvature_per_m: Array
+
+
+@dataclass(frozen=True, slots=True)
+class LaneBeside:
+    """A lane beside the driven one at some place: its middle is `offset_m` to the left of the own middle.
+
+    `offset_m`, `width_m` (N,). `oncoming` lanes are driven the other way.
+    """
+
+    lane_id: int
+    type: str
+    oncoming: bool
+    offset_m: Array
+    width_m: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """One piece of the route at its place: stations `first` to `last` - 1 lie in it."""
+
+    piece: LanePiece
+    sigma_m: float
+    groups: tuple[int, ...]
+    lane_ids: tuple[int, ...]
+
+
+class Corridor:
+    """The drive along one lane of a map, followed over links and junctions; s is the route distance.
+
+    Built where asked; raises MapError if the start or the route names what is not there.
+    """
+
+    def __init__(self, road_map: RoadMap, config: CorridorConfig | None = None) -> None:
+        """Find the start; nothing is sampled yet."""
+        self.road_map = road_map
+        self.config = config or CorridorConfig()
+        self._route = Route(road_map, self.config)
+        self._chains = Chains(self.config.lateral_m)
+        self._blocks: list[Block] = []
+        self._starts_m: list[float] = [0.0]
+        self._strips: OrderedDict[int, Strip] = OrderedDict()
+        self._pages: OrderedDict[tuple[int, int], Page] = OrderedDict()
+
+    @property
+    def start(self) -> Place:
+        """The place of the drive's first metre."""
+        return self._route.start
+
+    @property
+    def spacing_m(self) -> float:
+        """Distance of the stations along the lane's middle."""
+        return self.config.spacing_m
+
+    def reaches(self, s_m: float) -> bool:
+        """Return whether the route goes on to `s_m` (True for ever on a closed circuit)."""
+        while self._starts_m[-1] < s_m:
+            piece = self._route.advance()
+            if piece is None:
+                return False
+            lane_ids, groups = self._chains.extend(piece)
+            self._blocks.append(Block(piece, self._starts_m[-1], groups, lane_ids))
+            self._starts_m.append(self._starts_m[-1] + piece.length_m)
+        return s_m >= 0.0
+
+    @cached_property
+    def length_m(self) -> float:
+        """Length of the whole route, infinite if it returns to itself."""
+        while self.reaches(self._starts_m[-1] + 1e-3):
+            if self._route.is_closed:
+                return math.inf
+        return self._starts_m[-1]
+
+    def poses(self, s_m: Array, offset_m: Array | float = 0.0) -> Poses:
+        """Return poses (N,) at distances (N,), `offset_m` to the left of the lane's middle.
+
+        Exact: from the map's own curves, no table between (the distance itself to 1e-6 m). The
+        heading is that of the lane's middle, whatever the offset. Beyond the ends of the route the
+        lane goes on straight.
+        """
+        s = np.asarray(s_m, dtype=np.float64)
+        offset = np.broadcast_to(np.asarray(offset_m, dtype=np.float64), s.shape)
+        numbers = self._numbers(s)
+        if len(s) and numbers[0] == numbers[-1] and (numbers == numbers[0]).all():
+            return self._poses_in(self._blocks[int(numbers[0])], s, offset)
+        out = Poses(np.empty((len(s), 3)), *np.empty((4, len(s))))
+        for number in np.unique(numbers):
+            mine = numbers == number
+            part = self._poses_in(self._blocks[int(number)], s[mine], offset[mine])
+            for name in Poses.__slots__:
+                getattr(out, name)[mine] = getattr(part, name)
+        return out
+
+    def pose(self, s_m: float, offset_m: float = 0.0) -> Poses:
+        """Return one pose, as `poses` with N = 1."""
+        return self.poses(np.array([s_m]), np.array([offset_m]))
+
+    def _numbers(self, s_m: Array) -> IntArray:
+        """Return the block (N,) of each distance; raises ValueError for NaN and infinity."""
+        if not np.isfinite(s_m).all():
+            raise ValueError("a distance along the corridor is not finite")
+        self.reaches(float(s_m.max(initial=0.0)) + 1e-9)
+        place = np.searchsorted(self._starts_m, s_m, side="right") - 1
+        return np.clip(place, 0, len(self._blocks) - 1)
+
+    def _poses_in(self, block: Block, s_m: Array, offset_m: Array) -> Poses:
+        sigma = s_m - block.sigma_m
+        frames = block.piece.frames(sigma)
+        beyond = sigma - np.clip(sigma, 0.0, block.piece.length_m)
+        position = frames.position + beyond * frames.forward + offset_m * frames.left
+        forward, left, up = frames.forward, frames.left, frames.up
+        return Poses(
+            np.ascontiguousarray(position.T),
+            np.arctan2(left[2], up[2]),
+            np.arctan2(-forward[2], np.hypot(forward[0], forward[1])),
+            np.arctan2(forward[1], forward[0]),
+            block.piece.curvature(sigma),
+        )
+
+    def place(self, s_m: float) -> tuple[Place, float]:
+        """Return the lane driven at a distance, and s on its road."""
+        block = self._block_at(s_m)
+        return block.piece.place, float(block.piece.s_at(np.array([s_m - block.sigma_m]))[0])
+
+    def section(self, s_m: float) -> Section:
+        """Return the road's cross-section at a distance."""
+        return self._block_at(s_m).piece.section
+
+    def _block_at(self, s_m: float) -> Block:
+        return self._blocks[int(self._numbers(np.array([s_m]))[0])]
+
+    def lane_width(self, s_m: float) -> float:
+        """Return the width of the driven lane, m."""
+        block = self._block_at(s_m)
+        s = block.piece.s_at(np.array([s_m - block.sigma_m]))
+        return float(block.piece.section.centre(s, block.piece.place.lane_id)[2][0])
+
+    def lane_beside(self, s_m: float, lanes_left: int) -> LaneBeside | None:
+        """Return the lane so many lanes to the left (negative: right) of the driven one, None if none."""
+        block = self._block_at(s_m)
+        piece = block.piece
+        lanes = [i for i in piece.ids_left_to_right() if i != 0]
+        column = lanes.index(piece.place.lane_id) - lanes_left
+        if not 0 <= column < len(lanes):
+            return None
+        lane = piece.section.lanes[lanes[column]]
+        s = piece.s_at(np.array([s_m - block.sigma_m]))
+        own, _, _ = piece.section.centre(s, piece.place.lane_id)
+        other, _, width = piece.section.centre(s, lane.id)
+        drives = piece.road.direction(lane.id, reversed_lane=lane.reversed)
+        offset = piece.place.direction * (other - own)
+        return LaneBeside(lane.id, lane.type, drives != piece.place.direction, offset, width)
+
+    def own_groups(self, s_m: float) -> tuple[int, int]:
+        """Return the `group` of the driven lane's left and right border."""
+        block = self._block_at(s_m)
+        left, right = block.piece.own_borders()
+        by_lane = dict(zip(block.lane_ids, block.groups, strict=True))
+        return by_lane[left], by_lane[right]
+
+    def markings_window(self, s_from_m: float, s_to_m: float) -> tuple[Marking, ...]:
+        """Return the borders between two distances as views, ordered by id.
+
+        A border that is double anywhere on the page gives two stripes, which lie on each other where
+        it is single; else one. Borders without any mark on the page are left out, except the driven
+        lane's own. Empty outside the route.
+        """
+        page_number = max(0, math.floor(s_from_m / PAGE_M))
+        length = max(1, math.ceil((s_to_m - page_number * PAGE_M) / (PAGE_M + REACH_M)))
+        key = (page_number, length)
+        page = _cached(self._pages, key, PAGES_KEPT, lambda: self._page(*key))
+        first = math.ceil(s_from_m / self.spacing_m - 1e-9)
+        return page.window(first, math.floor(s_to_m / self.spacing_m + 1e-9) + 1)
+
+    def _page(self, number: int, length: int) -> Page:
+        start, end = number * PAGE_M, number * PAGE_M + length * (PAGE_M + REACH_M)
+        self.reaches(end)
+        first = max(0, bisect_right(self._starts_m, start) - 1)
+        strips, own = [], set[int]()
+        for i in range(first, len(self._blocks)):
+            if self._starts_m[i] >= end:
+                break
+            strips.append(self._strip(i))
+            own.update(self.own_groups((self._starts_m[i] + self._starts_m[i + 1]) / 2))
+        return join(strips, own)
+
+    def _strip(self, number: int) -> Strip:
+        return _cached(self._strips, number, BLOCKS_KEPT, lambda: self._sampled(number))
+
+    def _sampled(self, number: int) -> Strip:
+        """Return the borders of a block at its stations."""
+        block = self._blocks[number]
+        first = math.ceil(self._starts_m[number] / self.spacing_m)
+        end = math.ceil(self._starts_m[number + 1] / self.spacing_m)
+        stations = np.arange(first, max(first, end), dtype=np.float64)
+        sigma = stations * self.spacing_m - block.sigma_m
+        s = block.piece.s_at(sigma)
+        lines = border_lines(block.piece, s, block.piece.road.cross(s), block.lane_ids)
+        return Strip(first, len(sigma), dict(zip(block.groups, lines, strict=True)))
+
+
+def _cached(cache: OrderedDict[K, T], key: K, most: int, make: Callable[[], T]) -> T:
+    """Return the cached value, else make it and let the oldest go."""
+    if key in cache:
+        return cache[key]
+    value = cache[key] = make()
+    while len(cache) > most:
+        cache.popitem(last=False)
+    return value

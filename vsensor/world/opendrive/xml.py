@@ -1,0 +1,113 @@
+"""Reading the XML of a map: every number checked, every refusal with file, line, element, attribute."""
+
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from lxml import etree
+
+from vsensor.errors import MapError
+
+Element = Any
+"""An lxml element; lxml ships no types."""
+
+LARGEST_NUMBER = 1e10
+"""World coordinates reach 1e7 m; far above, a value is a mistake and its powers overflow."""
+
+
+class MapReader:
+    """One file being read: makes errors and warnings that name the file and the line."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.warnings: list[str] = []
+
+    def error(self, element: Element, text: str) -> MapError:
+        """Return (not raise) the refusal of `element`."""
+        return MapError(f"{self.path}:{element.sourceline}: <{element.tag}>: {text}")
+
+    def warn(self, element: Element, text: str) -> None:
+        """Note a finding that the map survives."""
+        self.warnings.append(f"{self.path}:{element.sourceline}: <{element.tag}>: {text}")
+
+    def text(self, element: Element, name: str) -> str:
+        """Return an attribute that must be there and not empty."""
+        value: str | None = element.get(name)
+        if value is None or not value.strip():
+            raise self.error(element, f"attribute {name} is missing")
+        return value.strip()
+
+    def number(self, element: Element, name: str, default: float | None = None) -> float:
+        """Return a finite float; without `default` the attribute must be there."""
+        raw = element.get(name)
+        if raw is None and default is not None:
+            return default
+        raw = self.text(element, name)
+        try:
+            value = math.nan if "_" in raw else float(raw)
+        except ValueError:
+            value = math.nan
+        if not abs(value) <= LARGEST_NUMBER:  # NaN fails every comparison
+            raise self.error(element, f'{name}="{shortened(raw)}": a finite number up to 1e10 was expected')
+        return value
+
+    def integer(self, element: Element, name: str) -> int:
+        """Return an integer such as a lane id."""
+        raw = self.text(element, name)
+        if re.fullmatch(r"[+-]?[0-9]{1,9}", raw) is None:
+            raise self.error(element, f'{name}="{shortened(raw)}": an integer was expected')
+        return int(raw)
+
+    def at_least(self, element: Element, name: str, least: float, default: float | None = None) -> float:
+        """Return a number that is not below `least`."""
+        value = self.number(element, name, default)
+        if value < least:
+            raise self.error(element, f'{name}="{value:g}": at least {least:g} was expected')
+        return value
+
+
+def shortened(text: str) -> str:
+    """Return `text` fit for one line of an error."""
+    text = " ".join(text.split())
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def children(element: Element | None, *names: str) -> Iterator[Element]:
+    """Yield the children of these names, nothing for an absent element."""
+    if element is not None:
+        yield from element.iterchildren(*names)
+
+
+def read_root(path: Path) -> Element:
+    """Return the root element, names without namespaces; raises MapError. No entity, DTD or network."""
+    parser = etree.XMLParser(
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        huge_tree=False,
+        remove_comments=True,
+        remove_pis=True,
+    )
+    try:
+        tree: Any = etree.fromstring(path.read_bytes(), parser).getroottree()
+    except etree.XMLSyntaxError as error:
+        line = error.lineno or 0
+        reason = " ".join((error.msg or "not XML").split())
+        raise MapError(f"{path}:{line}: not well-formed XML: {reason}") from None
+    except FileNotFoundError:
+        raise MapError(f"{path}: no such file") from None
+    except OSError as error:
+        raise MapError(f"{path}: cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        raise MapError(f"{path}: not XML: {shortened(str(error))}") from None
+    if tree.docinfo.doctype or tree.docinfo.internalDTD is not None:
+        raise MapError(f"{path}:1: has a document type definition (DTD), which is refused")
+    root = tree.getroot()
+    for element in root.iter(etree.Element):
+        if element.tag.startswith("{"):
+            element.tag = etree.QName(element).localname
+    if root.tag != "OpenDRIVE":
+        raise MapError(f"{path}:{root.sourceline}: <{root.tag}>: the root element must be <OpenDRIVE>")
+    return root

@@ -1,0 +1,97 @@
+"""Borders of several blocks joined into long arrays, from which a window is cut as views."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsensor.types import Array, BoolArray, CodeArray, Marking, MarkingKind, Stripe, frozen
+from vsensor.world.borders import BorderLine
+
+
+@dataclass(frozen=True, slots=True)
+class Strip:
+    """The borders of one block at `count` stations from station `first` on, by group."""
+
+    first: int
+    count: int
+    borders: Mapping[int, BorderLine]
+
+
+@dataclass(frozen=True, slots=True)
+class LongLine:
+    """One stripe from station `first` on, over all blocks of the page that it runs through."""
+
+    id: int
+    group: int
+    stripe: Stripe
+    first: int
+    points_world_m: Array
+    painted: BoolArray
+    kind: CodeArray
+    colour: CodeArray
+    width_m: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """Long lines, ordered by id."""
+
+    lines: tuple[LongLine, ...]
+
+    def window(self, first: int, end: int) -> tuple[Marking, ...]:
+        """Return the stations first to end - 1 of each line as views; lines without any are left out."""
+        found = []
+        for line in self.lines:
+            low, high = max(first - line.first, 0), end - line.first
+            if high > low and low < len(line.painted):
+                found.append(
+                    Marking(
+                        id=line.id,
+                        group=line.group,
+                        stripe=line.stripe,
+                        points_world_m=line.points_world_m[low:high],
+                        painted=line.painted[low:high],
+                        kind=line.kind[low:high],
+                        colour=line.colour[low:high],
+                        width_m=line.width_m[low:high],
+                    )
+                )
+        return tuple(found)
+
+
+def join(strips: Sequence[Strip], own: Collection[int]) -> Page:
+    """Join the strips' borders by group; those without any mark only if they are in `own`."""
+    runs: dict[int, list[tuple[int, BorderLine]]] = {}
+    for strip in strips:
+        for group, border in strip.borders.items():
+            if strip.count:
+                runs.setdefault(group, []).append((strip.first, border))
+    lines = [line for group in sorted(runs) for line in _lines(group, runs[group], group in own)]
+    return Page(tuple(lines))
+
+
+def _lines(group: int, run: list[tuple[int, BorderLine]], keep: bool) -> list[LongLine]:
+    borders = [border for _, border in run]
+    if not keep and not any((border.kind != MarkingKind.NONE).any() for border in borders):
+        return []
+    double = any(border.is_double for border in borders)
+    kind = frozen(np.concatenate([border.kind for border in borders]), np.uint8)
+    colour = frozen(np.concatenate([border.colour for border in borders]), np.uint8)
+    lines = []
+    for which in (Stripe.LEFT, Stripe.RIGHT) if double else (Stripe.SINGLE,):
+        parts = [border.stripe(which) for border in borders]
+        lines.append(
+            LongLine(
+                id=group * len(Stripe) + which,
+                group=group,
+                stripe=which,
+                first=run[0][0],
+                points_world_m=frozen(np.concatenate([part.points_world_m for part in parts])),
+                painted=frozen(np.concatenate([part.painted for part in parts]), np.bool_),
+                kind=kind,
+                colour=colour,
+                width_m=frozen(np.concatenate([part.width_m for part in parts])),
+            )
+        )
+    return lines
