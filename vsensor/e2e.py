@@ -59,13 +59,13 @@ def _check_p01_bulk(data: CodeArray, data_id: int, offset: int) -> BoolArray:
     for column in range(data.shape[1]):
         if column != offset:
             crc = _J1850[crc ^ data[:, column]]
-    counter_valid: BoolArray = data[:, offset + 1] & 0x0F <= 14
-    return counter_valid & (crc == data[:, offset])
+    intact: BoolArray = (crc == data[:, offset]) & (data[:, offset + 1] & 0x0F <= 14)
+    return intact
 
 
 def _table(polynomial: int) -> NDArray[np.uint8]:
     """Return the 256-entry table of an 8-bit CRC, most significant bit first."""
-    crc = np.arange(256, dtype=np.uint16)
+    crc = np.arange(256, dtype=np.int64)
     for _ in range(8):
         crc = np.where(crc & 0x80, (crc << 1) ^ polynomial, crc << 1) & 0xFF
     return crc.astype(np.uint8)

@@ -97,7 +97,7 @@ class Light(IntEnum):
 
 
 class SensorMode(IntEnum):
-    """State of the sensor; numbers are those of the native DBC. Lines are valid in AVAILABLE and DEGRADED."""
+    """State of the sensor; numbers are those of the native DBC."""
 
     INIT = 0
     CALIBRATING = 1
@@ -105,6 +105,11 @@ class SensorMode(IntEnum):
     DEGRADED = 3
     BLOCKED = 4
     FAILED = 5
+
+    @property
+    def reports_lines(self) -> bool:
+        """Whether lines are reported in this state; otherwise all are not available."""
+        return self in (SensorMode.AVAILABLE, SensorMode.DEGRADED)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,0 +1,58 @@
+"""What an ECU could stumble over in a bus description."""
+
+from vsensor.codec.layout import Database, Layout, SignalLayout
+
+
+def audit(database: Database) -> list[str]:
+    """Return what an ECU could stumble over, one sentence each: ranges, overlaps, start values, timing."""
+    found: list[str] = []
+    for layout in database.layouts.values():
+        if not layout.cycle_ms:
+            found.append(f"{layout.name}: no cycle time")
+        found += [f"{layout.name}: signals {a} and {b} overlap" for a, b in overlaps(layout)]
+        for signal in layout.signals.values():
+            found += [f"{layout.name}.{signal.name}: {text}" for text in _audit_signal(signal)]
+    return found
+
+
+def _audit_signal(signal: SignalLayout) -> list[str]:
+    if signal.is_float:
+        return []
+    found = []
+    ends = sorted((signal.physical(signal.raw_min), signal.physical(signal.raw_max)))
+    low, high = signal.minimum, signal.maximum
+    half_lsb = abs(signal.scale) / 2
+    if low is not None and high is not None and (low < ends[0] - half_lsb or high > ends[1] + half_lsb):
+        found.append(
+            f"range [{low:g}|{high:g}] exceeds what {signal.length} bits hold, [{ends[0]:g}|{ends[1]:g}]"
+        )
+    if (low, high) in ((0, 1), (0, 0)) and signal.length > 1:
+        found.append(f"range [{low:g}|{high:g}] is a placeholder, the bits hold [{ends[0]:g}|{ends[1]:g}]")
+    for word, raw in (("start value", signal.start_raw), ("SNA value", signal.sna_raw)):
+        if raw is not None and not signal.raw_min <= raw <= signal.raw_max:
+            found.append(f"{word} {raw:g} (raw) is not among [{signal.raw_min}|{signal.raw_max}]")
+    return found
+
+
+def overlaps(layout: Layout) -> list[tuple[str, str]]:
+    """Return the pairs of signals that share bits and can be in one frame."""
+    owner: dict[int, SignalLayout] = {}
+    found: dict[tuple[str, str], None] = {}
+    for signal in layout.signals.values():
+        for bit in _bits(layout, signal):
+            other = owner.setdefault(bit, signal)
+            if other is not signal and not _exclusive(other, signal):
+                found[other.name, signal.name] = None
+    return list(found)
+
+
+def _bits(layout: Layout, signal: SignalLayout) -> list[int]:
+    """Return the bits that a signal covers, counted from bit 0 of byte 0 upwards."""
+    places = range(signal.shift, signal.shift + signal.length)
+    if not signal.big_endian:
+        return list(places)
+    return [8 * (layout.length - 1 - place // 8) + place % 8 for place in places]
+
+
+def _exclusive(a: SignalLayout, b: SignalLayout) -> bool:
+    return a.mux_signal is not None and a.mux_signal == b.mux_signal and not a.mux_ids & b.mux_ids

@@ -1,0 +1,180 @@
+"""Bus descriptions compiled into our own layouts; the only importer of cantools."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cantools
+from cantools.database import Database as CanDatabase
+
+from vsensor.errors import DbcError
+
+_SUFFIXES = {".dbc", ".arxml", ".kcd", ".sym"}
+_FLOAT_BITS = {16, 32, 64}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SignalLayout:
+    """Where a signal lies in its message and what its bits mean.
+
+    `shift` is its place in the message's integer of its byte order (see the module). `start` is the
+    description's own start bit. `raw_min` and `raw_max` are what the bits hold; `minimum` and `maximum`
+    the declared physical range, None if there is none. `start_raw` is sent before there is a value,
+    `sna_raw` when there is none. A multiplexed signal is present when `mux_signal` has one of `mux_ids`.
+    """
+
+    name: str
+    start: int
+    length: int
+    shift: int
+    big_endian: bool
+    signed: bool
+    is_float: bool
+    scale: float
+    offset: float
+    minimum: float | None
+    maximum: float | None
+    unit: str
+    comment: str
+    choices: Mapping[int, str]
+    start_raw: float
+    sna_raw: int | None
+    mux_signal: str | None
+    mux_ids: frozenset[int]
+
+    @property
+    def raw_min(self) -> int:
+        """Smallest raw integer of the bits."""
+        return -(1 << (self.length - 1)) if self.signed else 0
+
+    @property
+    def raw_max(self) -> int:
+        """Largest raw integer of the bits."""
+        return (1 << (self.length - self.signed)) - 1
+
+    def physical(self, raw: float) -> float:
+        """Return the physical value of a raw one."""
+        return float(raw * self.scale + self.offset)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """One message: identity, signals, and what its attributes say about sending and protection.
+
+    Times in milliseconds, 0 = not given; `send_type` "" = not given; `e2e_profile` "" = unprotected.
+    """
+
+    name: str
+    arbitration_id: int
+    is_extended: bool
+    is_fd: bool
+    length: int
+    comment: str
+    senders: tuple[str, ...]
+    signals: Mapping[str, SignalLayout]
+    cycle_ms: int
+    start_delay_ms: int
+    send_type: str
+    e2e_profile: str
+    e2e_data_id: int | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Database:
+    """A bus description, compiled: messages by name."""
+
+    path: Path
+    layouts: Mapping[str, Layout]
+
+
+def load_database(path: Path) -> Database:
+    """Read a DBC, ARXML, KCD or SYM file; raises DbcError with the reader's reason in one line."""
+    if path.suffix.lower() not in _SUFFIXES:
+        raise DbcError(f"{path}: a bus description ends in {', '.join(sorted(_SUFFIXES))}")
+    if not path.is_file():
+        raise DbcError(f"{path}: no such file")
+    try:
+        database = cantools.database.load_file(path, strict=False)
+    except (
+        Exception
+    ) as error:  # cantools lets through what its parsers raise: KeyError, ValueError, lxml's ...
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise DbcError(f"{path}: cantools refuses it: {reason}") from None
+    if not isinstance(database, CanDatabase):
+        raise DbcError(f"{path}: describes diagnostics, a description of CAN messages was expected")
+    return Database(path=path, layouts={m.name: _layout(m, path) for m in database.messages})
+
+
+def _layout(message: Any, path: Path) -> Layout:
+    signals = {s.name: _signal(s, message, path) for s in message.signals}
+    data_id = _attribute(message, "E2EDataId")
+    e2e_profile = str(_attribute(message, "E2EProfile") or "")
+    return Layout(
+        name=message.name,
+        arbitration_id=message.frame_id,
+        is_extended=message.is_extended_frame,
+        is_fd=message.is_fd or message.length > 8,
+        length=message.length,
+        comment=message.comment or "",
+        senders=tuple(message.senders),
+        signals=signals,
+        cycle_ms=int(message.cycle_time or 0),
+        start_delay_ms=int(_attribute(message, "GenMsgStartDelayTime") or 0),
+        send_type=str(message.send_type or ""),
+        e2e_profile=e2e_profile,
+        e2e_data_id=int(data_id) if data_id is not None and e2e_profile else None,
+    )
+
+
+def _signal(signal: Any, message: Any, path: Path) -> SignalLayout:
+    where = f"{path}: {message.name}.{signal.name}"
+    big = signal.byte_order == "big_endian"
+    shift = signal.start
+    if big:
+        shift = 8 * message.length - 8 * (signal.start // 8) - (7 - signal.start % 8) - signal.length
+    if shift < 0 or shift + signal.length > 8 * message.length:
+        raise DbcError(
+            f"{where}: bit {signal.start}, length {signal.length} does not fit {message.length} bytes"
+        )
+    if signal.conversion.is_float and signal.length not in _FLOAT_BITS:
+        raise DbcError(f"{where}: a float of {signal.length} bits, 16, 32 or 64 were expected")
+    if signal.length > 64:
+        raise DbcError(f"{where}: {signal.length} bits, at most 64 are read")
+    if signal.scale == 0:
+        raise DbcError(f"{where}: scale is 0")
+    return SignalLayout(
+        name=signal.name,
+        start=signal.start,
+        length=signal.length,
+        shift=shift,
+        big_endian=big,
+        signed=signal.is_signed and not signal.conversion.is_float,
+        is_float=signal.conversion.is_float,
+        scale=signal.scale,
+        offset=signal.offset,
+        minimum=signal.minimum,
+        maximum=signal.maximum,
+        unit=signal.unit or "",
+        comment=signal.comment or "",
+        choices={int(raw): str(name) for raw, name in (signal.choices or {}).items()},
+        start_raw=signal.raw_initial if signal.raw_initial is not None else 0,
+        sna_raw=_sna(signal, where),
+        mux_signal=signal.multiplexer_signal if signal.multiplexer_ids else None,
+        mux_ids=frozenset(signal.multiplexer_ids or ()),
+    )
+
+
+def _sna(signal: Any, where: str) -> int | None:
+    text = str(_attribute(signal, "GenSigSNA") or "").strip()
+    if not text and signal.raw_invalid is not None:
+        return int(signal.raw_invalid)
+    try:
+        return int(text, 0) if text else None
+    except ValueError:
+        raise DbcError(f"{where}: GenSigSNA is {text!r}, a raw integer was expected") from None
+
+
+def _attribute(item: Any, name: str) -> Any:
+    attributes = getattr(item.dbc, "attributes", None) or {}
+    return attributes[name].value if name in attributes else None

@@ -1,0 +1,242 @@
+"""A profile at work: signals bound to quantities, and frames decoded into quantities."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsensor.codec import Layout, SignalLayout, decode_bulk, quantise, to_physical, unpack
+from vsensor.e2e import Protection
+from vsensor.profile.config import GeometryConfig
+from vsensor.types import SIDE_NAMES, Array, BoolArray, CodeArray, Frame, IntArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Binding:
+    """A signal that carries a quantity: bus value = quantity * gain + bias, modulo `wrap` if that is not 0.
+
+    `raw_of_code` maps enumeration codes to raw values, None for numbers; `other_raw` is for other codes.
+    """
+
+    signal: SignalLayout
+    quantity: str
+    gain: float = 1.0
+    bias: float = 0.0
+    wrap: int = 0
+    raw_of_code: Mapping[int, int] | None = None
+    other_raw: int | None = None
+
+    def raw(self, value: float) -> tuple[int, bool]:
+        """Return the raw value of a quantity, and whether it was saturated."""
+        if self.raw_of_code is not None and not math.isnan(value):
+            code = int(value) if math.isfinite(value) else None
+            raw = self.raw_of_code.get(code, self.other_raw) if code is not None else self.other_raw
+            return quantise(self.signal, math.nan) if raw is None else (raw, False)
+        if self.wrap and math.isfinite(value):
+            value = math.fmod(math.floor(value), self.wrap)
+        return quantise(self.signal, value * self.gain + self.bias)
+
+    def value(self, raw: int) -> float:
+        """Return the quantity of a raw value; NaN for SNA and for raw values outside the table."""
+        if raw == self.signal.sna_raw and not self.signal.is_float:
+            return math.nan
+        if self.raw_of_code is not None:
+            return next((float(code) for code, known in self.raw_of_code.items() if known == raw), math.nan)
+        return (to_physical(self.signal, raw) - self.bias) / self.gain
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Validity:
+    """A signal that says whether a quantity is valid."""
+
+    signal: SignalLayout
+    quantity: str
+    valid_raw: int
+    invalid_raw: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Guard:
+    """Protection of one message; `offset` is the byte where its header starts."""
+
+    protection: Protection
+    data_id: int
+    crc: SignalLayout
+    counter: SignalLayout
+    offset: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MessagePlan:
+    """One message of a profile.
+
+    `bindings` are encoded, `told` of them are decoded. `constants` are the raw values of all other signals.
+    """
+
+    layout: Layout
+    cycle_ns: int
+    start_delay_ns: int
+    bindings: tuple[Binding, ...]
+    told: tuple[Binding, ...]
+    validities: tuple[Validity, ...]
+    constants: Mapping[str, int]
+    guard: Guard | None
+
+    def intact(self, data: bytes) -> bool:
+        """Return whether the frame's CRC is right; True for a message without protection."""
+        guard = self.guard
+        return guard is None or guard.protection.check(data, guard.data_id, guard.offset)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Column:
+    """A quantity over a log: `values` (M,) in the frames `rows` (M,), NaN = not available."""
+
+    rows: IntArray
+    values: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Profile:
+    """A bus as the model sees it: messages in the order they are sent. `geometry`: see signals.to_bus."""
+
+    name: str
+    path: Path
+    role: str
+    description: str
+    database: Path
+    geometry: GeometryConfig
+    messages: tuple[MessagePlan, ...]
+    by_id: Mapping[tuple[int, bool], MessagePlan]
+
+    def decode(self, frame: Frame, *, check: bool = False) -> dict[str, float] | None:
+        """Return the quantities of a frame in SI and model signs, NaN = not available.
+
+        None if the frame is not of this profile, is too short, or (with `check`) its CRC is wrong. What
+        needs a whole line (origin, edge, angle) is undone by signals.from_bus.
+        """
+        plan = self.by_id.get((frame.arbitration_id, frame.is_extended))
+        if plan is None or len(frame.data) < plan.layout.length:
+            return None
+        data = frame.data[: plan.layout.length]
+        if check and not plan.intact(data):
+            return None
+        raws = unpack(plan.layout, data)
+        values: dict[str, float] = {}
+        for binding in plan.told:
+            if binding.signal.name in raws:
+                values[binding.quantity] = binding.value(raws[binding.signal.name])
+        for validity in plan.validities:
+            if validity.quantity in values and raws.get(validity.signal.name) != validity.valid_raw:
+                values[validity.quantity] = math.nan
+        return values
+
+    def decode_arrays(
+        self,
+        ids: NDArray[np.uint32],
+        data: CodeArray,
+        lengths: CodeArray,
+        *,
+        extended: BoolArray | None = None,
+        check: bool = False,
+    ) -> dict[str, Column]:
+        """Decode many frames at once: `ids` (N,), `data` (N, 8 or 64), `lengths` (N,) bytes, `extended` (N,).
+
+        Frames that are too short, or (with `check`) have a wrong CRC, are left out. A quantity that
+        several messages carry has the rows of all of them, in order.
+        """
+        parts: dict[str, list[Column]] = {}
+        for plan in self.messages:
+            rows = _rows(plan, ids, data, lengths, extended)
+            if check and plan.guard is not None and len(rows):
+                guard, cut = plan.guard, data[rows, : plan.layout.length]
+                rows = rows[guard.protection.check_bulk(cut, guard.data_id, guard.offset)]
+            if len(rows):
+                for quantity, values in _bulk_values(plan, data[rows, : plan.layout.length]).items():
+                    parts.setdefault(quantity, []).append(Column(rows=rows, values=values))
+        return {quantity: _merged(columns) for quantity, columns in parts.items()}
+
+    def quantities(self) -> set[str]:
+        """Return the quantities that the profile carries."""
+        return {binding.quantity for plan in self.messages for binding in plan.bindings}
+
+
+def _rows(
+    plan: MessagePlan,
+    ids: NDArray[np.uint32],
+    data: CodeArray,
+    lengths: CodeArray,
+    extended: BoolArray | None,
+) -> IntArray:
+    layout = plan.layout
+    if data.ndim != 2 or data.shape[1] < layout.length:
+        return np.empty(0, dtype=np.int64)
+    mine = (ids == layout.arbitration_id) & (lengths >= layout.length)
+    if extended is not None:
+        mine &= extended == layout.is_extended
+    return np.flatnonzero(mine)
+
+
+def _bulk_values(plan: MessagePlan, data: CodeArray) -> dict[str, Array]:
+    bindings = plan.told
+    names = {b.signal.name for b in bindings} | {v.signal.name for v in plan.validities}
+    columns = decode_bulk(plan.layout, data, tuple(names))
+    values = {b.quantity: _bulk_quantity(b, columns[b.signal.name]) for b in bindings}
+    for validity in plan.validities:
+        if validity.quantity in values:
+            valid = columns[validity.signal.name] == validity.signal.physical(validity.valid_raw)
+            values[validity.quantity] = np.where(valid, values[validity.quantity], np.nan)
+    return values
+
+
+def _bulk_quantity(binding: Binding, physical: Array) -> Array:
+    signal = binding.signal
+    if binding.raw_of_code is not None:
+        values = np.full(len(physical), np.nan)
+        for code, raw in reversed(list(binding.raw_of_code.items())):
+            values[physical == signal.physical(raw)] = code
+    else:
+        values = (physical - binding.bias) / binding.gain
+    if signal.sna_raw is not None:
+        values[physical == signal.physical(signal.sna_raw)] = np.nan
+    return values
+
+
+def _merged(columns: Sequence[Column]) -> Column:
+    if len(columns) == 1:
+        return columns[0]
+    rows = np.concatenate([column.rows for column in columns])
+    order = np.argsort(rows, kind="stable")
+    return Column(rows=rows[order], values=np.concatenate([column.values for column in columns])[order])
+
+
+def quantisation_error_m(
+    profile: Profile, ranges_m: Sequence[float] = (20.0, 50.0, 80.0, 100.0)
+) -> dict[float, float]:
+    """Return the worst lateral error that rounding on the bus adds at each range, over all lines.
+
+    Half a step of each coefficient's signal times x^n / n! (or x^n where c2, c3 are sent), added up.
+    """
+    powers = {
+        "offset_m": (0, 1),
+        "heading": (1, 1),
+        "c2_per_m": (2, 1),
+        "curvature_per_m": (2, 2),
+        "c3_per_m2": (3, 1),
+        "curvature_rate_per_m2": (3, 6),
+    }
+    worst = dict.fromkeys(ranges_m, 0.0)
+    for side in SIDE_NAMES.values():
+        steps = [
+            (abs(binding.signal.scale / binding.gain) / 2, *powers[name])
+            for plan in profile.messages
+            for binding in plan.bindings
+            for line, _, name in [binding.quantity.partition(".")]
+            if line == side and name in powers and not binding.signal.is_float
+        ]
+        for x in worst:
+            worst[x] = max(worst[x], sum(half * x**power / divisor for half, power, divisor in steps))
+    return worst

@@ -1,0 +1,76 @@
+"""What a profile file says: schema "vsensor.profile/1"."""
+
+from typing import Annotated, Literal
+
+import msgspec
+
+from vsensor.schema import Config
+
+_Positive = Annotated[float, msgspec.Meta(gt=0)]
+
+
+class GeometryConfig(Config, frozen=True, kw_only=True):
+    """`[geometry]`: how this bus describes a line, where that is not the model's way.
+
+    `positive` to the left or right; `origin` of the polynomial on the vehicle's centreline (or
+    `origin_x_m`, ahead of the rear axle); `edge` of the marking; `heading` a slope or an angle;
+    `curvature` 2 c2 or the true 2 c2 / (1 + c1^2)^1.5; `range_start` measured or always zero.
+    """
+
+    positive: Literal["left", "right"] = "left"
+    origin: Literal["rear_axle", "front_axle", "bumper", "camera"] = "rear_axle"
+    origin_x_m: Annotated[float, msgspec.Meta(ge=-5, le=15)] | None = None
+    edge: Literal["centre", "inner"] = "centre"
+    heading: Literal["slope", "angle"] = "slope"
+    curvature: Literal["2c2", "true"] = "2c2"
+    range_start: Literal["measured", "zero"] = "measured"
+
+
+class SignalConfig(Config, frozen=True, kw_only=True):
+    """What one signal carries: just one of `quantity`, `constant` (physical) and `valid_of`.
+
+    bus value = quantity * (size of `unit`) * `factor` + `shift`. `table` maps codes to raw values or value
+    names. `wrap` counts modulo what the bits hold. `sna` is the raw value for "not available". A signal
+    with `valid_of` is `valid_raw` while the named quantity has a value and `invalid_raw` otherwise.
+    """
+
+    quantity: str | None = None
+    unit: str | None = None
+    factor: float = 1.0
+    shift: float = 0.0
+    table: dict[str, int | str] | str | None = None
+    wrap: bool = False
+    sna: int | None = None
+    constant: float | None = None
+    valid_of: str | None = None
+    valid_raw: int = 1
+    invalid_raw: int = 0
+
+
+class E2eConfig(Config, frozen=True, kw_only=True):
+    """Protection of a message: signals of CRC and alive counter; profile and data id, if the DBC has none."""
+
+    crc: str
+    counter: str
+    profile: str | None = None
+    data_id: Annotated[int, msgspec.Meta(ge=0, le=0xFFFF)] | None = None
+
+
+class MessageConfig(Config, frozen=True, kw_only=True):
+    """One message: its signals (a string is short for a quantity), protection, timing if the DBC has none."""
+
+    signals: dict[str, SignalConfig | str]
+    e2e: E2eConfig | None = None
+    cycle_ms: _Positive | None = None
+    start_delay_ms: Annotated[float, msgspec.Meta(ge=0)] | None = None
+
+
+class ProfileConfig(Config, frozen=True, kw_only=True):
+    """A whole profile. `role` "sensor": what the sensor sends; "vehicle": what it listens to."""
+
+    messages: dict[str, MessageConfig]
+    description: str = ""
+    role: Literal["sensor", "vehicle"] = "sensor"
+    database: str | None = None
+    geometry: GeometryConfig = GeometryConfig()
+    tables: dict[str, dict[str, int | str]] = msgspec.field(default_factory=dict)

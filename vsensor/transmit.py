@@ -1,0 +1,276 @@
+"""Signal values into frames, once per send slot: which messages are due, their bytes, counters, CRCs.
+
+A message is due at its start delay and every cycle time after it, counted from t = 0 in slots; so a slot
+that was dropped (transmit was not called, or its state not kept) leaves the alive counters where they are.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from operator import itemgetter
+from typing import Any
+
+import numpy as np
+
+from vsensor.codec import Layout, SignalLayout, float_bits, pack
+from vsensor.e2e import next_counter
+from vsensor.errors import ConfigError
+from vsensor.profile import Binding, MessagePlan, Profile
+from vsensor.signals import VehicleConfig, to_bus
+from vsensor.types import Array, BoolArray, Frame, IntArray, SignalValues, Tick
+
+_WIDEST_EXACT_BITS = 52  # a float64 holds such integers and their halves
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TransmitState:
+    """Next alive counter of each message, frames sent, and how often each signal was saturated."""
+
+    counters: tuple[int, ...]
+    frames: int
+    saturated: Mapping[str, int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Message:
+    """One message ready to be filled: bits that never change, and (place in raws, shift) of the others."""
+
+    plan: MessagePlan
+    base: int
+    little: tuple[tuple[int, int], ...]
+    big: tuple[tuple[int, int], ...]
+    counter_shift: int
+
+
+class Transmitter:
+    """A profile compiled for sending; immutable.
+
+    All signals that are plain numbers are rounded in one go in numpy; tables, floats and signals of more
+    than 52 bits one by one. Raises ConfigError for what cannot be sent.
+    """
+
+    def __init__(self, profile: Profile, vehicle: VehicleConfig, camera_x_m: float | None = None) -> None:
+        self.profile, self.vehicle, self.camera_x_m = profile, vehicle, camera_x_m
+        to_bus(profile.geometry, vehicle, _nothing(profile), camera_x_m)  # a missing camera is told here
+        bindings = [(plan, b) for plan in profile.messages for b in plan.bindings]
+        _require_sendable(profile, bindings)
+        fast = [item for item in bindings if _is_plain(item[1])]
+        slow = [item for item in bindings if not _is_plain(item[1])]
+        self.rounding = _Rounding([binding for _, binding in fast])
+        self.slow = tuple(binding for _, binding in slow)
+        places = {(plan.layout.name, b.signal.name): k for k, (plan, b) in enumerate([*fast, *slow])}
+        validities = [(plan, v) for plan in profile.messages for v in plan.validities]
+        self.validities = tuple(validity for _, validity in validities)
+        for number, (plan, validity) in enumerate(validities):
+            places[plan.layout.name, validity.signal.name] = len(bindings) + number
+        self.messages = tuple(_message(plan, places) for plan in profile.messages)
+
+    def raws(self, values: SignalValues) -> tuple[list[int], list[str]]:
+        """Return the raw bits of all bindings, fast, slow, validities, and the names of saturated signals."""
+        raws, saturated = self.rounding.raws(values)
+        for binding in self.slow:
+            value = values.get(binding.quantity, math.nan)
+            raw, clipped = _slow_bits(binding, value)
+            raws.append(raw)
+            saturated += [binding.signal.name] * clipped
+        for validity in self.validities:
+            lost = math.isnan(values.get(validity.quantity, math.nan))
+            raw = validity.invalid_raw if lost else validity.valid_raw
+            raws.append(raw & ((1 << validity.signal.length) - 1))
+        return raws, saturated
+
+
+def initial_state(transmitter: Transmitter) -> TransmitState:
+    """Return the state before the first frame: all counters start at 0."""
+    return TransmitState(counters=(0,) * len(transmitter.messages), frames=0, saturated={})
+
+
+def transmit(
+    transmitter: Transmitter, state: TransmitState, values: SignalValues, slot: Tick
+) -> tuple[TransmitState, tuple[Frame, ...]]:
+    """Return the frames that are due in this slot, in the profile's order, all due at the slot's time."""
+    due = [k for k, message in enumerate(transmitter.messages) if is_due(message.plan, slot)]
+    if not due:
+        return state, ()
+    on_bus = to_bus(transmitter.profile.geometry, transmitter.vehicle, values, transmitter.camera_x_m)
+    raws, saturated = transmitter.raws(on_bus)
+    counters = list(state.counters)
+    frames = []
+    for k in due:
+        message = transmitter.messages[k]
+        frames.append(_frame(message, raws, counters[k], slot.t_ns))
+        if message.plan.guard is not None:
+            counters[k] = next_counter(message.plan.guard.protection, counters[k])
+    after = TransmitState(
+        counters=tuple(counters), frames=state.frames + len(frames), saturated=_counted(state, saturated)
+    )
+    return after, tuple(frames)
+
+
+def is_due(plan: MessagePlan, slot: Tick) -> bool:
+    """Return whether the message has a send time within (slot before, this slot], counted from t = 0."""
+    elapsed_ns = slot.index * slot.period_ns - plan.start_delay_ns
+    if elapsed_ns < 0:
+        return False
+    before_ns = elapsed_ns - slot.period_ns
+    return before_ns < 0 or elapsed_ns // plan.cycle_ns != before_ns // plan.cycle_ns
+
+
+def _frame(message: _Message, raws: Sequence[int], counter: int, due_ns: int) -> Frame:
+    layout, guard = message.plan.layout, message.plan.guard
+    word = message.base
+    for place, shift in message.little:
+        word |= raws[place] << shift
+    if message.big:
+        big = 0
+        for place, shift in message.big:
+            big |= raws[place] << shift
+        word |= int.from_bytes(big.to_bytes(layout.length, "big"), "little")
+    if guard is None:
+        data = word.to_bytes(layout.length, "little")
+    else:
+        word |= counter << message.counter_shift
+        payload = bytearray(word.to_bytes(layout.length, "little"))
+        guard.protection.protect(payload, guard.data_id, guard.offset)
+        data = bytes(payload)
+    return Frame(
+        due_ns=due_ns,
+        arbitration_id=layout.arbitration_id,
+        data=data,
+        is_extended=layout.is_extended,
+        is_fd=layout.is_fd,
+        bitrate_switch=layout.is_fd,
+    )
+
+
+def _counted(state: TransmitState, saturated: Sequence[str]) -> Mapping[str, int]:
+    if not saturated:
+        return state.saturated
+    counts = dict(state.saturated)
+    for name in saturated:
+        counts[name] = counts.get(name, 0) + 1
+    return counts
+
+
+# ---- compiling -------------------------------------------------------------------------------------
+
+
+def _require_sendable(profile: Profile, bindings: Sequence[tuple[MessagePlan, Binding]]) -> None:
+    if profile.role != "sensor":
+        raise ConfigError(
+            f'{profile.path}: role = "{profile.role}": a profile that is sent has role "sensor"'
+        )
+    for plan, binding in bindings:
+        if binding.signal.mux_signal is not None:
+            where = f"{profile.path}: {plan.layout.name}.{binding.signal.name}"
+            raise ConfigError(f"{where}: a multiplexed signal can be decoded, not sent")
+
+
+def _nothing(profile: Profile) -> SignalValues:
+    return dict.fromkeys(profile.quantities(), math.nan)
+
+
+def _is_plain(binding: Binding) -> bool:
+    signal = binding.signal
+    return binding.raw_of_code is None and not signal.is_float and signal.length <= _WIDEST_EXACT_BITS
+
+
+def _slow_bits(binding: Binding, value: float) -> tuple[int, bool]:
+    signal = binding.signal
+    if signal.is_float:
+        return float_bits(signal, value * binding.gain + binding.bias)
+    raw, clipped = binding.raw(value)
+    return raw & ((1 << signal.length) - 1), clipped
+
+
+def _message(plan: MessagePlan, places: Mapping[tuple[str, str], int]) -> _Message:
+    layout = plan.layout
+    little: list[tuple[int, int]] = []
+    big: list[tuple[int, int]] = []
+    for signal in [*(b.signal for b in plan.bindings), *(v.signal for v in plan.validities)]:
+        place, shift = places[layout.name, signal.name], _little_shift(layout, signal)
+        if shift is None:
+            big.append((place, signal.shift))
+        else:
+            little.append((place, shift))
+    counter_shift = _little_shift(layout, plan.guard.counter) if plan.guard is not None else 0
+    return _Message(
+        plan=plan,
+        base=int.from_bytes(pack(layout, plan.constants), "little"),
+        little=tuple(little),
+        big=tuple(big),
+        counter_shift=counter_shift or 0,
+    )
+
+
+def _little_shift(layout: Layout, signal: SignalLayout) -> int | None:
+    """Return the shift in the little-endian integer; None for a big-endian signal of several bytes."""
+    if not signal.big_endian:
+        return signal.shift
+    byte, low = divmod(signal.shift, 8)
+    return 8 * (layout.length - 1 - byte) + low if low + signal.length <= 8 else None
+
+
+class _Rounding:
+    """Rounds many plain signals at once; gives the same raw values as Binding.raw, one by one.
+
+    The bounds are in the quantity's own unit, so that nothing overflows on the way: lowest and highest
+    raw value (SNA excluded), widened by half a step where saturation is counted.
+    """
+
+    def __init__(self, bindings: Sequence[Binding]) -> None:
+        signals = [binding.signal for binding in bindings]
+        self.names = [signal.name for signal in signals]
+        self.sources = sorted({binding.quantity for binding in bindings if not binding.wrap})
+        self.wraps = sorted({(binding.quantity, binding.wrap) for binding in bindings if binding.wrap})
+        place: dict[Any, int] = {key: k for k, key in enumerate([*self.sources, *self.wraps])}
+        keys = [(b.quantity, b.wrap) if b.wrap else b.quantity for b in bindings]
+        self.take: IntArray = np.array([place[key] for key in keys], dtype=np.int64)
+        self.pick = itemgetter(*self.sources) if len(self.sources) > 1 else None
+        self.gain, self.bias = _row(b.gain for b in bindings), _row(b.bias for b in bindings)
+        self.offset, self.scale = _row(s.offset for s in signals), _row(s.scale for s in signals)
+        bounds = [_bounds(binding) for binding in bindings]
+        self.low, self.high = _row(b[0] for b in bounds), _row(b[1] for b in bounds)
+        half = np.abs(self.scale / self.gain) / 2
+        self.too_low, self.too_high = self.low - half, self.high + half
+        self.absent = _row(s.sna_raw if s.sna_raw is not None else s.start_raw for s in signals)
+        inner = [s.sna_raw for s in signals]
+        self.sna = _row(math.nan if raw is None else raw for raw in inner)
+        self.mask: IntArray = np.array([(1 << s.length) - 1 for s in signals], dtype=np.int64)
+
+    def raws(self, values: SignalValues) -> tuple[list[int], list[str]]:
+        """Return raw bits in the bindings' order, and the names of saturated signals."""
+        given = self._given(values)
+        quantity: Array = np.array(given)[self.take]
+        outside: BoolArray = (quantity < self.too_low) | (quantity > self.too_high)
+        inside = np.minimum(np.maximum(quantity, self.low), self.high)
+        raw = np.rint((inside * self.gain + self.bias - self.offset) / self.scale)
+        raw += raw == self.sna  # a number never says "not available"
+        raw = np.where(np.isnan(raw), self.absent, raw)
+        saturated = [self.names[k] for k in np.flatnonzero(outside)] if outside.any() else []
+        bits: list[int] = (raw.astype(np.int64) & self.mask).tolist()
+        return bits, saturated
+
+    def _given(self, values: SignalValues) -> list[float]:
+        """Return the values of all sources, then of the wrapping counts; NaN for those that are not there."""
+        try:
+            given = list(self.pick(values)) if self.pick else [values[name] for name in self.sources]
+        except KeyError:
+            given = [values.get(name, math.nan) for name in self.sources]
+        for name, modulus in self.wraps:
+            value = values.get(name, math.nan)
+            given.append(math.fmod(math.floor(value), modulus) if math.isfinite(value) else value)
+        return given
+
+
+def _row(values: Any) -> Array:
+    return np.array(list(values), dtype=np.float64)
+
+
+def _bounds(binding: Binding) -> tuple[float, float]:
+    signal = binding.signal
+    low, high = signal.raw_min, signal.raw_max
+    low += signal.sna_raw == low
+    high -= signal.sna_raw == high
+    ends = sorted((signal.physical(raw) - binding.bias) / binding.gain for raw in (low, high))
+    return ends[0], ends[1]
