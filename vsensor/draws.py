@@ -24,7 +24,7 @@ class Draws:
 
     def __init__(self, seed: int) -> None:
         """Keep one Philox for the run; `seed` is any integer from 0 to 2^64 - 1."""
-        self._bits = np.random.Philox(key=[seed & 0xFFFF_FFFF_FFFF_FFFF, 0])
+        self._bits = np.random.Philox(key=np.array([seed & 0xFFFF_FFFF_FFFF_FFFF, 0], np.uint64))
         self._state = self._bits.state
         self._generator = np.random.Generator(self._bits)
 
