@@ -17,7 +17,7 @@ class Car(Config, frozen=True, kw_only=True):
     height_m: float = 1.5
     wheel: Wheel = Wheel()
     spares: tuple[Wheel, ...] = ()
-    by_place: dict[str, Wheel] = {}
+    by_place: dict[str, Wheel] = msgspec.field(default_factory=dict)
     trailer: Wheel | None = None
 
 

@@ -25,7 +25,7 @@ class Draws:
     def __init__(self, seed: int) -> None:
         """Keep one Philox for the run; `seed` is any integer from 0 to 2^64 - 1."""
         self._bits = np.random.Philox(key=np.array([seed & 0xFFFF_FFFF_FFFF_FFFF, 0], np.uint64))
-        self._state = self._bits.state
+        self._state = self._bits.state  # of the start: no word left over in its buffer
         self._generator = np.random.Generator(self._bits)
 
     def at(self, stage: Stage, tick_index: int, part: int = 0) -> np.random.Generator:
@@ -36,8 +36,5 @@ class Draws:
         """
         state = self._state
         state["state"]["counter"][:] = (0, part & 0xFFFF_FFFF_FFFF_FFFF, int(stage), tick_index)
-        state["buffer_pos"] = 4
-        state["has_uint32"] = 0
-        state["uinteger"] = 0
         self._bits.state = state
         return self._generator
