@@ -1,0 +1,165 @@
+"""Quantities of a log as a table: a row per burst of frames, which for a lane camera is a row per image."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsensor.errors import LogError
+from vsensor.logs.read import read_log
+from vsensor.logs.table import Columns, LogTable
+from vsensor.profile import QUANTITIES, Column, Profile
+from vsensor.types import Array, BoolArray, IntArray
+
+BURST_NS = 5_000_000
+"""A longer pause ends a burst: 13 frames at 500 kbit/s take 3 ms, the fastest cycles are 10 ms."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DecodedTable:
+    """Decoded quantities, R rows; `t_ns` (R,) is the time of each row's first frame.
+
+    `columns`: quantity -> values (R,), NaN = not sent in this row, or not available. `findings` are
+    sentences for the user.
+    """
+
+    t_ns: IntArray
+    columns: dict[str, Array]
+    findings: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+    def csv_lines(self) -> Iterator[str]:
+        """Yield a header and a line per row; times in seconds with all their digits, NaN as nothing."""
+        yield ",".join(("time_s", *self.columns))
+        for t_ns, row in self._rows():
+            yield ",".join((_seconds(t_ns), *(_plain(value) for value in row)))
+
+    def text_lines(self) -> Iterator[str]:
+        """Yield the same as an aligned table, NaN as "-"; codes (kind, colour, state) by name."""
+        names = list(self.columns)
+        widths = [max(len(name), 9) for name in names]
+        time_width = len(_seconds(int(self.t_ns[-1]))) if len(self) else 6
+        yield " ".join(
+            ["time_s".rjust(time_width), *(n.rjust(w) for n, w in zip(names, widths, strict=True))]
+        )
+        codes = [QUANTITIES[name].codes if name in QUANTITIES else None for name in names]
+        for t_ns, row in self._rows():
+            cells = [_shown(value, code) for value, code in zip(row, codes, strict=True)]
+            yield " ".join(
+                [
+                    _seconds(t_ns).rjust(time_width),
+                    *(cell.rjust(width) for cell, width in zip(cells, widths, strict=True)),
+                ]
+            )
+
+    def _rows(self) -> Iterator[tuple[int, tuple[float, ...]]]:
+        columns = [values.tolist() for values in self.columns.values()]
+        return zip(self.t_ns.tolist(), zip(*columns, strict=True), strict=True)
+
+
+def _seconds(t_ns: int) -> str:
+    seconds, rest = divmod(t_ns, 10**9)
+    return f"{seconds}.{rest // 1000:06d}" if rest % 1000 == 0 else f"{seconds}.{rest:09d}"
+
+
+def _plain(value: float) -> str:
+    if math.isnan(value):
+        return ""
+    return str(int(value)) if value.is_integer() and abs(value) < 1e15 else f"{value:.9g}"
+
+
+def _shown(value: float, codes: type[IntEnum] | None) -> str:
+    if math.isnan(value):
+        return "-"
+    if codes is not None and value in list(codes):
+        return codes(int(value)).name.lower()
+    return str(int(value)) if value.is_integer() and abs(value) < 1e9 else f"{value:.6g}"
+
+
+def decode_log(path: Path | str, profiles: Sequence[Profile]) -> DecodedTable:
+    """Decode all quantities of the profiles; a frame with a wrong CRC is left out and counted.
+
+    Raises LogError if the log cannot be read or holds no frame of the profiles.
+    """
+    table = read_log(path)
+    mask = table.data_frames()
+    used = table.columns.taken(mask)
+    extended = (used.flags & 1).astype(bool)
+    columns: dict[str, Column] = {}
+    findings = list(table.report.lines())
+    for profile in profiles:
+        wanted = {plan.layout.arbitration_id for plan in profile.messages}
+        known = int(np.isin(used.arbitration_id, list(wanted)).sum())
+        checked = profile.decode_arrays(
+            used.arbitration_id, used.data, used.length, extended=extended, check=True
+        )
+        columns |= {
+            name: column for name, column in checked.items() if name not in columns and len(column.rows)
+        }
+        findings += _losses(profile, table, mask, known)
+    if not columns:
+        raise LogError(_nothing(table, profiles))
+    return _by_row(columns, used, tuple(findings))
+
+
+def _losses(profile: Profile, table: LogTable, mask: BoolArray, known: int) -> list[str]:
+    """Return how many frames with an id of the profile were refused: too short, or with a wrong CRC."""
+    used = table.columns.taken(mask)
+    bad = 0
+    for plan in profile.messages:
+        layout = plan.layout
+        rows = (used.arbitration_id == layout.arbitration_id) & (used.flags & 1 == layout.is_extended)
+        short = rows & (used.length < layout.length)
+        bad += int(np.count_nonzero(short))
+        guard = plan.guard
+        whole = np.flatnonzero(rows & ~short)
+        if guard is not None and len(whole) and used.data.shape[1] >= layout.length:
+            right = guard.protection.check_bulk(
+                used.data[whole, : layout.length], guard.data_id, guard.offset
+            )
+            bad += int(np.count_nonzero(~right))
+    return (
+        [f"{bad} of {known} frames of profile {profile.name} left out: too short or wrong CRC"] if bad else []
+    )
+
+
+def _nothing(table: LogTable, profiles: Sequence[Profile]) -> str:
+    looked = ", ".join(
+        f"{plan.layout.name} 0x{plan.layout.arbitration_id:X}" for p in profiles for plan in p.messages
+    )
+    ids = np.unique(table.arbitration_id)
+    shown = ", ".join(f"0x{number:X}" for number in ids[:8].tolist()) + (", ..." if len(ids) > 8 else "")
+    return f"{table.report.path}: holds no intact frame of {looked}; it has {len(ids)} ids: {shown}"
+
+
+def _by_row(columns: dict[str, Column], used: Columns, findings: tuple[str, ...]) -> DecodedTable:
+    """Put every quantity's values into the row of its burst."""
+    rows = np.unique(np.concatenate([column.rows for column in columns.values()]))
+    starts = rows[_burst_starts(used.t_ns[rows], used.arbitration_id[rows])]
+    ordered = [name for name in QUANTITIES if name in columns]
+    ordered += sorted(set(columns) - set(ordered))
+    values: dict[str, Array] = {}
+    for name in ordered:
+        place = np.searchsorted(starts, columns[name].rows, side="right") - 1
+        values[name] = np.full(len(starts), np.nan)
+        values[name][place] = columns[name].values
+    return DecodedTable(t_ns=used.t_ns[starts], columns=values, findings=findings)
+
+
+def _burst_starts(t_ns: IntArray, ids: NDArray[np.uint32]) -> list[int]:
+    """Return the places of the frames that begin a row: after a pause, or a message that the row has."""
+    pause = np.concatenate([[True], np.diff(t_ns) > BURST_NS])
+    starts: list[int] = []
+    seen: set[int] = set()
+    for place, (identifier, paused) in enumerate(zip(ids.tolist(), pause.tolist(), strict=True)):
+        if paused or identifier in seen:
+            starts.append(place)
+            seen.clear()
+        seen.add(identifier)
+    return starts
