@@ -11,6 +11,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from vsensor.world.opendrive import following, load_map
+from vsensor.world.opendrive.network import place_at
+
 ROOT = Path(__file__).parents[2]
 MAP = ROOT / "vsensor" / "scenarios" / "highway.xodr"
 JOINT_M = 1e-9
@@ -181,3 +184,44 @@ def test_marks_begin_inside_their_lane_section(roads):
         for section, end in zip(sections, ends, strict=True):
             length = end - number(section, "s")
             assert all(number(m, "sOffset") < length for m in section.findall("*/lane/roadMark"))
+
+
+@pytest.fixture(scope="module")
+def loaded():
+    return load_map(MAP)
+
+
+def test_our_reader_loads_it_without_a_warning(loaded):
+    assert loaded.warnings == ()
+
+
+def test_our_reader_places_the_reference_line_where_quadrature_does(loaded, roads):
+    for road in roads:
+        for g in road.findall("planView/geometry"):
+            s = number(g, "s") + number(g, "length") * (1 - 1e-12)
+            x, y, heading = end_of(g)
+            plan = loaded.road(road.get("id")).plan.at(np.array([s]))
+            assert math.hypot(float(plan[0][0]) - x, float(plan[1][0]) - y) < 1e-8
+            assert float(plan[2][0]) == pytest.approx(heading, abs=1e-11)
+
+
+@pytest.mark.parametrize("t", [-15.25, -9.0, 0.0, 9.0])
+def test_surface_and_lanes_join_in_space_all_around(loaded, roads, t):
+    names = [road.get("id") for road in roads]
+    for name, after in zip(names, [*names[1:], names[0]], strict=True):
+        end = loaded.road(name).point(np.array([loaded.road(name).length_m]), t)[0]
+        start = loaded.road(after).point(np.array([0.0]), t)[0]
+        assert np.linalg.norm(end - start) < 1e-8
+
+
+@pytest.mark.parametrize(("lane", "direction"), [(-2, 1), (-3, 1), (-4, 1), (3, -1)])
+def test_a_lane_can_be_followed_around_the_ring_back_to_where_it_began(loaded, lane, direction):
+    here = first = place_at(loaded, "1", lane, 1.0 if direction > 0 else 890.0)
+    roads_seen = []
+    for _ in range(60):
+        (here,) = following(loaded, here)
+        roads_seen.append(here.road_id)
+        if here == first:
+            break
+    assert here == first
+    assert set(roads_seen) == {"1", "2", "3", "4", "5", "6"}
