@@ -25,6 +25,7 @@ from vsensor.types import Array, IntArray, Marking
 from vsensor.world.borders import border_lines
 from vsensor.world.chains import Chains
 from vsensor.world.lane_piece import LanePiece
+from vsensor.world.lane_table import LaneTable
 from vsensor.world.opendrive.lanes import Section
 from vsensor.world.opendrive.network import Place
 from vsensor.world.opendrive.road import RoadMap
@@ -96,6 +97,7 @@ class Corridor:
         self._blocks: list[Block] = []
         self._starts_m: list[float] = [0.0]
         self._strips: OrderedDict[int, Strip] = OrderedDict()
+        self._tables: OrderedDict[int, LaneTable] = OrderedDict()
         self._pages: OrderedDict[tuple[int, int], Page] = OrderedDict()
 
     @property
@@ -130,19 +132,19 @@ class Corridor:
     def poses(self, s_m: Array, offset_m: Array | float = 0.0) -> Poses:
         """Return poses (N,) at distances (N,), `offset_m` to the left of the lane's middle.
 
-        Exact: from the map's own curves, no table between (the distance itself to 1e-6 m). The
-        heading is that of the lane's middle, whatever the offset. Beyond the ends of the route the
-        lane goes on straight.
+        Within 2e-7 m of the map's own curves in a bend of 10 m radius, 1e-9 m from 100 m on (see
+        LaneTable). The heading is that of the lane's middle, whatever the offset. Beyond the ends of
+        the route the lane goes on straight.
         """
         s = np.asarray(s_m, dtype=np.float64)
         offset = np.broadcast_to(np.asarray(offset_m, dtype=np.float64), s.shape)
         numbers = self._numbers(s)
-        if len(s) and numbers[0] == numbers[-1] and (numbers == numbers[0]).all():
-            return self._poses_in(self._blocks[int(numbers[0])], s, offset)
+        if len(s) and (numbers == numbers[0]).all():
+            return self._poses_in(int(numbers[0]), s, offset)
         out = Poses(np.empty((len(s), 3)), *np.empty((4, len(s))))
         for number in np.unique(numbers):
             mine = numbers == number
-            part = self._poses_in(self._blocks[int(number)], s[mine], offset[mine])
+            part = self._poses_in(int(number), s[mine], offset[mine])
             for name in Poses.__slots__:
                 getattr(out, name)[mine] = getattr(part, name)
         return out
@@ -156,21 +158,21 @@ class Corridor:
         if not np.isfinite(s_m).all():
             raise ValueError("a distance along the corridor is not finite")
         self.reaches(float(s_m.max(initial=0.0)) + 1e-9)
-        place = np.searchsorted(self._starts_m, s_m, side="right") - 1
-        return np.clip(place, 0, len(self._blocks) - 1)
+        last = len(self._blocks) - 1
+        return np.array([min(max(bisect_right(self._starts_m, s) - 1, 0), last) for s in s_m], dtype=np.int64)
 
-    def _poses_in(self, block: Block, s_m: Array, offset_m: Array) -> Poses:
-        sigma = s_m - block.sigma_m
-        frames = block.piece.frames(sigma)
-        beyond = sigma - np.clip(sigma, 0.0, block.piece.length_m)
-        position = frames.position + beyond * frames.forward + offset_m * frames.left
-        forward, left, up = frames.forward, frames.left, frames.up
+    def _poses_in(self, number: int, s_m: Array, offset_m: Array) -> Poses:
+        block = self._blocks[number]
+        table = _cached(self._tables, id(block.piece), BLOCKS_KEPT, lambda: LaneTable.of(block.piece))
+        sigma = np.minimum(np.maximum(s_m - block.sigma_m, 0.0), block.piece.length_m)
+        position, forward, left, curvature = table.at(sigma)
+        position = position + (s_m - block.sigma_m - sigma) * forward + offset_m * left
         return Poses(
             np.ascontiguousarray(position.T),
-            np.arctan2(left[2], up[2]),
+            np.arctan2(left[2], forward[0] * left[1] - forward[1] * left[0]),
             np.arctan2(-forward[2], np.hypot(forward[0], forward[1])),
             np.arctan2(forward[1], forward[0]),
-            block.piece.curvature(sigma),
+            curvature,
         )
 
     def place(self, s_m: float) -> tuple[Place, float]:

@@ -21,9 +21,6 @@ KNOT_M = 2.0
 """Distance of the knots between s and sigma; the cubic between them is then right to 1e-9 m
 (curvature 0.1 per m changing by 0.01 per m)."""
 
-CURVATURE_STEP_M = 0.02
-"""Half the base of the difference that gives the curvature: 1e-9 per m on a clothoid of R = 10 m."""
-
 SLOWEST = 1e-3
 """Distance along the lane per s, at least: a lane inside the centre of a bend stands still or runs back."""
 
@@ -84,12 +81,13 @@ class LanePiece:
                 yield from lane.width.starts_m
 
     def _s(self, driven_m: Array) -> Array:
-        return self.s_from_m + self.place.direction * driven_m
+        return np.asarray(self.s_from_m + self.place.direction * driven_m)
 
     def _speed(self, driven_m: Array) -> Array:
         s = self._s(driven_m)
         t, slope, _ = self.section.centre(s, self.place.lane_id)
-        return np.maximum(np.sqrt((_tangent(self.road.cross(s), t, slope) ** 2).sum(axis=0)), SLOWEST)
+        tangent = _tangent(self.road.cross(s), t, slope)
+        return np.asarray(np.maximum(np.sqrt((tangent * tangent).sum(axis=0)), SLOWEST))
 
     @cached_property
     def length_m(self) -> float:
@@ -116,16 +114,9 @@ class LanePiece:
         up = _unit(_product(forward, self.place.direction * cross.e_t))
         return Frames(position, forward, _product(up, forward), up, s, t, cross)
 
-    def curvature(self, sigma_m: Array) -> Array:
-        """Return the curvature of the lane's middle within the road's plane (N,), left positive."""
-        back = np.clip(sigma_m - CURVATURE_STEP_M, 0.0, self.length_m)
-        ahead = np.clip(sigma_m + CURVATURE_STEP_M, 0.0, self.length_m)
-        both = self.frames(np.concatenate((back, ahead)))
-        n = len(sigma_m)
-        turn = ((both.forward[:, n:] - both.forward[:, :n]) * (both.left[:, n:] + both.left[:, :n])).sum(
-            axis=0
-        )
-        return np.asarray(turn / 2 / np.maximum(ahead - back, 1e-9))
+    def breaks_m(self) -> Array:
+        """Return the distances between which the lane's middle is one smooth curve, ends included."""
+        return self._knots[1]
 
     def ids_left_to_right(self) -> tuple[int, ...]:
         """Return the lanes whose (outer) borders lie across the road, as the driver sees them."""

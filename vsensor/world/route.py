@@ -23,7 +23,7 @@ DRIVABLE = {
 """Lane types that a drive goes on to besides the type it is on."""
 
 
-class CorridorConfig(Config):
+class CorridorConfig(Config, frozen=True, kw_only=True):
     """Where the drive begins and which way it goes; `road` "auto" looks for the longest drive."""
 
     road: str = "auto"
