@@ -7,6 +7,8 @@ from vsensor.world.opendrive.xml import Element, MapReader, children
 
 SIDES = {"left": 1, "center": 0, "right": -1}
 MOST_LANES = 200
+SAME_S_M = 1e-6
+"""A lane offset that starts this close to a section's start starts with it."""
 
 
 def read_lanes(reader: MapReader, road: Element, length_m: float, road_type: str) -> tuple[Section, ...]:
@@ -14,16 +16,23 @@ def read_lanes(reader: MapReader, road: Element, length_m: float, road_type: str
     lanes = road.find("lanes")
     if lanes is None:
         raise reader.error(road, "no <lanes> in it")
-    offset = Cubics.of([read_cubic(reader, el, "s") for el in children(lanes, "laneOffset")])
+    offsets = [read_cubic(reader, el, "s") for el in children(lanes, "laneOffset")]
     elements = _ordered(reader, lanes, length_m)
     starts = [start for start, _ in elements]
     sections: list[Section] = []
     current: dict[int, dict[int, Lane]] = {1: {}, 0: {}, -1: {}}
     for (start, element), end in zip(elements, [*starts[1:], length_m], strict=True):
         current = current | _section(reader, element, start, road_type)
+        offset = _within(offsets, start, end)
         by_id = current[1] | current[0] | current[-1]
         sections.append(Section(start, end, offset, {i: by_id[i] for i in sorted(by_id, reverse=True)}))
     return tuple(sections)
+
+
+def _within(records: list[CubicRecord], start_m: float, end_m: float) -> Cubics:
+    """Return the lane offset of one section: it may jump at a section's end, where lanes are counted anew."""
+    kept = [record for record in records if record[0] < end_m - SAME_S_M]
+    return Cubics.of([(start_m if abs(s - start_m) < SAME_S_M else s, *rest) for s, *rest in kept])  # type: ignore[misc]
 
 
 def read_cubic(reader: MapReader, element: Element, start: str) -> CubicRecord:

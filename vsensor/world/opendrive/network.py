@@ -1,7 +1,7 @@
 """Which lane follows which: over sections, road links and junctions, in the direction of driving."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,8 +14,9 @@ from vsensor.world.opendrive.road import Connection, Road, RoadMap
 SAME_PLACE_M = 0.2
 """Two lanes without a link are one where their middles meet this closely (real files leave links out)."""
 
-SAME_JOINT_M = 2.0
-"""A junction's connection is open to a lane whose end lies this close to its own."""
+SAME_JOINT_M = 0.5
+"""A link leads on only to a lane whose middle starts this close to this one's end: a drive does not
+jump. Real files link lanes that end (1.75 m aside, where the lane's width is 0) and far roads."""
 
 LONG_DRIVE_M = 10_000.0
 """Longer drives count as this long when the longest is looked for: the search stays short on big maps."""
@@ -73,12 +74,10 @@ def following(road_map: RoadMap, place: Place) -> tuple[Place, ...]:
     if 0 <= number < len(road.sections):
         return _linked(road_map, place, road, number, place.direction, place.direction)
     link = road.link(place.direction)
-    if link is None:
+    if link is None or link.id not in (road_map.connections if link.is_junction else road_map.roads):
         return ()
     if link.is_junction:
-        return _through_junction(road_map, place, road_map.connections.get(link.id, ()))
-    if link.id not in road_map.roads:
-        return ()
+        return _through_junction(road_map, place, road_map.connections[link.id])
     return _linked(road_map, place, *_entry(road_map.roads[link.id], link.contact), place.direction)
 
 
@@ -95,9 +94,24 @@ def _linked(
     lane = before.lanes[place.lane_id]
     if road.id == place.road_id and after.lanes.get(place.lane_id) is lane:  # the other side changed
         return (Place(road.id, number, place.lane_id, direction),)
-    linked = [i for i in lane.linked(side) if i != 0 and i in after.lanes]
-    found = [Place(road.id, number, i, direction) for i in linked]
-    return tuple(found) or _meeting(road_map, place, road, number, direction)
+    linked = [Place(road.id, number, i, direction) for i in lane.linked(side) if i != 0 and i in after.lanes]
+    return _near(road_map, place, linked) or _meeting(road_map, place, road, number, direction)
+
+
+def _near(road_map: RoadMap, place: Place, ways: Iterable[Place]) -> tuple[Place, ...]:
+    """Return those ways that begin where the place ends, and go on in its direction."""
+    return tuple(way for way in dict.fromkeys(ways) if _is_near(road_map, place, way))
+
+
+def _is_near(road_map: RoadMap, place: Place, way: Place) -> bool:
+    if way.road_id == place.road_id and way.section == place.section + place.direction:  # cheaper
+        s = np.array([span(road_map, way)[0]])
+        here = section_of(road_map, place).centre(s, place.lane_id)[0]
+        entry = section_of(road_map, way).centre(s, way.lane_id)[0]
+        return bool(abs(entry[0] - here[0]) < SAME_JOINT_M)
+    end, heading = lane_end(road_map, place, leaving=True)
+    start, entry_heading = lane_end(road_map, way, leaving=False)
+    return bool(np.linalg.norm(start - end) < SAME_JOINT_M and math.cos(entry_heading - heading) > 0.0)
 
 
 def _meeting(road_map: RoadMap, place: Place, road: Road, number: int, direction: int) -> tuple[Place, ...]:
@@ -129,14 +143,11 @@ def lane_end(road_map: RoadMap, place: Place, *, leaving: bool) -> tuple[Array, 
 def _through_junction(
     road_map: RoadMap, place: Place, connections: tuple[Connection, ...]
 ) -> tuple[Place, ...]:
-    ways = [way for connection in connections for way in _ways(road_map, place, connection)]
-    here, heading = lane_end(road_map, place, leaving=True)
-    ranked = []
-    for way in dict.fromkeys(ways):
-        entry, entry_heading = lane_end(road_map, way, leaving=False)
-        if np.linalg.norm(entry - here) < SAME_JOINT_M and math.cos(entry_heading - heading) > 0.0:
-            ranked.append((abs(_turn(road_map, way, heading)), way))
-    return tuple(way for _, way in sorted(ranked, key=lambda item: item[0]))
+    ways = _near(road_map, place, (way for c in connections for way in _ways(road_map, place, c)))
+    if len(ways) < 2:
+        return ways
+    _, heading = lane_end(road_map, place, leaving=True)
+    return tuple(sorted(ways, key=lambda way: abs(_turn(road_map, way, heading))))
 
 
 def _ways(road_map: RoadMap, place: Place, connection: Connection) -> Iterator[Place]:
