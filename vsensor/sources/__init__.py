@@ -30,7 +30,7 @@ LOG_SUFFIXES = (".log", ".asc", ".blf", ".mf4", ".trc", ".csv", ".gz")
 
 SOURCES = {
     "map": "vsensor.sources.map_drive:MapDrive",
-    "log": "vsensor.sources.recorded_drive:RecordedDrive",
+    "log": "vsensor.sources.drive:RecordedDrive",
 }
 """Kind of source -> "module:Class"; the kind follows from the suffix of the scenario's `source`."""
 

@@ -1,0 +1,144 @@
+"""`vsensor check FILE`: load everything, say which models are on and what they cost, audit, send nothing."""
+
+from dataclasses import dataclass
+from math import inf
+from pathlib import Path
+
+from vsensor.clock import SimulatedClock
+from vsensor.codec import Database, audit, load_database
+from vsensor.config import SHIPPED, Scenario, load_scenario
+from vsensor.errors import ConfigError
+from vsensor.line import Line, build_line
+from vsensor.logs import read_log
+from vsensor.profile import Profile, load_profile, quantisation_error_m, shipped_profiles
+from vsensor.runner import STAGES, run_loop
+from vsensor.schema import read_toml
+from vsensor.sources import LOG_SUFFIXES, MAP_SUFFIXES
+from vsensor.world.corridor import Corridor
+from vsensor.world.opendrive import load_map
+
+DATABASE_SUFFIXES = (".dbc", ".arxml", ".kcd", ".sym")
+TRIAL_TICKS = 100
+BITS_PER_FRAME = 47 + 64 * 1.2  # classic frame of 8 bytes: overhead, and data with a fifth of stuff bits
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """What a check prints; `findings` are what an ECU or a run would stumble over."""
+
+    lines: tuple[str, ...]
+    findings: tuple[str, ...]
+
+
+def check_file(file: str, profile: str | None = None, dbc: Path | None = None) -> Report:
+    """Check a scenario, profile, map, database or log by its suffix and content; raises VsensorError."""
+    path = Path(file)
+    suffix = path.suffix.lower()
+    if suffix in DATABASE_SUFFIXES:
+        return _report([], audit(load_database(path)), _database_lines(load_database(path)))
+    if suffix in MAP_SUFFIXES:
+        return _check_map(path)
+    if suffix in LOG_SUFFIXES:
+        return _check_log(path)
+    if _is_profile(path, file):
+        return _check_profile(load_profile(file, dbc))
+    return _check_scenario(load_scenario(file), profile, dbc)
+
+
+def _is_profile(path: Path, name: str) -> bool:
+    if path.suffix == ".toml":
+        return str(read_toml(path).get("schema", "")).startswith("vsensor.profile/")
+    return name in shipped_profiles() and not (SHIPPED / f"{name}.toml").exists()
+
+
+def _report(head: list[str], findings: list[str], tail: list[str]) -> Report:
+    lines = [*head, *tail, *(f"finding: {text}" for text in findings)]
+    lines.append(f"{len(findings)} findings" if findings else "no findings")
+    return Report(lines=tuple(lines), findings=tuple(findings))
+
+
+def _database_lines(database: Database) -> list[str]:
+    count = sum(len(layout.signals) for layout in database.layouts.values())
+    return [f"{len(database.layouts)} messages, {count} signals"]
+
+
+def _check_profile(profile: Profile) -> Report:
+    findings = audit(load_database(profile.database))
+    return _report([], findings, _profile_lines(profile))
+
+
+def _profile_lines(profile: Profile) -> list[str]:
+    lines = [f"profile {profile.name} ({profile.path}), role {profile.role}, database {profile.database}"]
+    frames_per_s = 0.0
+    for plan in profile.messages:
+        guard = "" if plan.guard is None else f", E2E data id 0x{plan.guard.data_id:X}"
+        layout, cycle_ms = plan.layout, plan.cycle_ns / 1e6
+        frames_per_s += 1e3 / cycle_ms if cycle_ms else 0.0
+        lines.append(
+            f"  0x{layout.arbitration_id:03X} {layout.name:<24} {layout.length} bytes every {cycle_ms:g} ms"
+            f", {len(plan.bindings)} quantities{guard}"
+        )
+    errors = quantisation_error_m(profile)
+    if profile.role == "sensor":
+        shown = ", ".join(f"{1e3 * error:.1f} mm at {x:g} m" for x, error in errors.items())
+        lines.append(f"  quantisation adds at most {shown}")
+        load = frames_per_s * BITS_PER_FRAME / 500e3
+        lines.append(f"  {frames_per_s:.0f} frames/s, about {100 * load:.1f} % of a bus of 500 kbit/s")
+    return lines
+
+
+def _check_map(path: Path) -> Report:
+    road_map = load_map(path)
+    corridor = Corridor(road_map)
+    length_m = corridor.length_m
+    length = "closed circuit" if length_m == inf else f"{length_m:.1f} m"
+    start = corridor.start
+    lines = [
+        f"map {path}: {len(road_map.roads)} roads",
+        f"drive from road {start.road_id}, lane {start.lane_id}: {length}",
+    ]
+    return _report(lines, list(road_map.warnings), [])
+
+
+def _check_log(path: Path) -> Report:
+    return _report([], [], list(read_log(path).report.lines()) or [f"{path}: nothing to remark"])
+
+
+def _check_scenario(scenario: Scenario, profile: str | None, dbc: Path | None) -> Report:
+    from vsensor.run import RunOptions, with_profile
+
+    scenario = with_profile(scenario, RunOptions(profile=profile, dbc=dbc))
+    line = build_line(scenario)
+    findings = [*getattr(line.source, "findings", ()), *audit(load_database(line.profile.database))]
+    head = [f"scenario {scenario.name}: source {scenario.source}"]
+    return _report(head, findings, [*_model_lines(scenario, line), *_profile_lines(line.profile)])
+
+
+def _model_lines(scenario: Scenario, line: Line) -> list[str]:
+    """Say which models are on, and measure what they cost over the first ticks."""
+    config = scenario.config
+    camera = config.camera
+    grid = f"{camera.width_px} x {camera.height_px} px" if camera.pixel_grid else "no pixel grid"
+    models = {
+        "world": f"{len(config.traffic)} vehicles" if config.traffic else "no traffic",
+        "camera": "bypassed" if camera.model == "none" else f"{camera.model}, {grid}, {camera.occlusion} occlusion",
+        "region+error": f"range by speed {'on' if config.region.enabled else 'off'}, "
+        f"errors {config.error_model.mode}",
+        "fit+track": f"order {config.fit.order}, {config.fit.weighting} weights",
+        "signals+codec": f"{len(line.profile.messages)} messages",
+    }
+    summary = run_loop(
+        line,
+        SimulatedClock(),
+        period_ns=config.cycle_ms * 1_000_000,
+        ticks=TRIAL_TICKS,
+        real_time=False,
+    )
+    p50_ms = summary.stopwatch.p50_ms()
+    lines = [f"  {stage:<14} {p50_ms[stage]:7.3f} ms  {models[stage]}" for stage in STAGES if stage in models]
+    total = sum(p50_ms[stage] for stage in models)
+    return [
+        f"models that are on, and their time per tick (p50 of {summary.ticks} ticks):",
+        *lines,
+        f"  {'total':<14} {total:7.3f} ms of {config.cycle_ms} ms",
+    ]

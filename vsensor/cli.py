@@ -1,0 +1,244 @@
+"""The command line: `vsensor COMMAND`, one thin function per command.
+
+Exit status: 0 done, 1 a check said no, 2 bad input (one line on stderr), 130 ended by Ctrl-C.
+"""
+
+import argparse
+import os
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from vsensor.errors import VsensorError
+
+RUN_HELP = """\
+Run a scenario and send its lane frames on a fixed cycle.
+
+  vsensor run                             the shipped highway drive on vcan0, or on a virtual bus
+  vsensor run --bus socketcan:can0        the same on real hardware
+  vsensor run mine.toml --log out.blf --trace out.npz
+  vsensor run town.xodr --fast --duration 60 --trace town.csv     a bare map, as quickly as it goes
+  vsensor run drive.log --profile native  a recorded drive: the road is laid along the driven path
+"""
+
+CHECK_HELP = """\
+Load everything that FILE needs, say which models are on and what they cost, audit the DBC, send nothing.
+
+FILE is a scenario (.toml), a profile (.toml), a map (.xodr), a DBC (.dbc), a CAN log, or the name of a
+shipped scenario or profile. Exit 1 if the audit found something that an ECU would stumble over.
+"""
+
+DECODE_HELP = """\
+Decode the lane signals of a CAN log through a profile: a table on a terminal, CSV with --csv.
+
+  vsensor decode out.log
+  vsensor decode out.blf --profile native --csv > lanes.csv
+"""
+
+SCORE_HELP = """\
+Compare output with truth in a trace that `vsensor run --trace FILE` wrote.
+
+Lateral error at 10, 20, 50, 80 m (mean, std, 95 % of the absolute error), range, availability.
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; returns the exit status."""
+    arguments = _parser().parse_args(argv)
+    command: Callable[[argparse.Namespace], int] = arguments.command
+    try:
+        return command(arguments)
+    except VsensorError as error:
+        print(f"vsensor: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except KeyboardInterrupt:
+        return 130
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """`vsensor run`: a scenario in real time, or as quickly as it goes."""
+    from vsensor.config import load_scenario
+    from vsensor.run import RunOptions, run_scenario
+
+    overrides = {
+        key: value
+        for key, value in (("seed", arguments.seed), ("duration_s", arguments.duration))
+        if value is not None
+    }
+    scenario = load_scenario(arguments.scenario, overrides)
+    options = RunOptions(
+        bus=arguments.bus,
+        log=arguments.log,
+        trace=arguments.trace,
+        picture=arguments.picture,
+        fast=arguments.fast,
+        profile=arguments.profile,
+        dbc=arguments.dbc,
+        table=sys.stdout.isatty() and not arguments.quiet,
+        progress=sys.stderr.isatty() and arguments.fast and not arguments.quiet,
+    )
+    summary = run_scenario(scenario, options, say=_note)
+    print(summary.text())
+    return 130 if summary.interrupted else 0
+
+
+def check(arguments: argparse.Namespace) -> int:
+    """`vsensor check`: load everything, say what is on, audit the DBC, send nothing."""
+    from vsensor.check import check_file
+
+    report = check_file(arguments.file, profile=arguments.profile, dbc=arguments.dbc)
+    print("\n".join(report.lines))
+    return 1 if report.findings else 0
+
+
+def decode(arguments: argparse.Namespace) -> int:
+    """`vsensor decode`: lane signals of a log as a table or CSV."""
+    from vsensor.logs.decode import decode_log
+    from vsensor.profile import load_profile
+
+    profiles = [load_profile(name, arguments.dbc) for name in arguments.profile or ["native"]]
+    table = decode_log(arguments.log, profiles)
+    for line in table.csv_lines() if arguments.csv else table.text_lines():
+        print(line)
+    for finding in table.findings:
+        _note(finding)
+    return 0
+
+
+def score(arguments: argparse.Namespace) -> int:
+    """`vsensor score`: output against truth."""
+    from vsensor.score import score_trace
+    from vsensor.sinks.trace import read_trace
+
+    print(score_trace(read_trace(arguments.trace)).text())
+    return 0
+
+
+def _note(text: str) -> None:
+    print(f"vsensor: {text}", file=sys.stderr)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="vsensor",
+        description="A virtual lane-detection sensor: a road scene in, DBC-defined lane frames on CAN out.",
+        epilog="Start with `vsensor run`; every command explains itself with --help.",
+    )
+    parser.add_argument("--version", action="version", version=_version())
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    _add_run(commands)
+    _add_check(commands)
+    _add_decode(commands)
+    _add_score(commands)
+    return parser
+
+
+def _version() -> str:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return f"vsensor {version('vsensor')}"
+    except PackageNotFoundError:
+        return "vsensor (not installed)"
+
+
+Commands = argparse._SubParsersAction  # argparse offers no public name for it
+
+
+def _command(
+    commands: "Commands[argparse.ArgumentParser]",
+    name: str,
+    function: Callable[[argparse.Namespace], int],
+    text: str,
+) -> argparse.ArgumentParser:
+    added = commands.add_parser(
+        name,
+        help=text.split("\n", 1)[0],
+        description=text,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    added.set_defaults(command=function)
+    return added
+
+
+def _add_run(commands: "Commands[argparse.ArgumentParser]") -> None:
+    added = _command(commands, "run", run, RUN_HELP)
+    added.add_argument(
+        "scenario",
+        nargs="?",
+        help="scenario file or shipped name, or a bare map (.xodr) or CAN log; default: highway",
+    )
+    added.add_argument(
+        "--bus",
+        metavar="INTERFACE:CHANNEL",
+        help="python-can bus; default auto: vcan0 if it is there, otherwise an in-process virtual bus",
+    )
+    added.add_argument("--log", type=Path, metavar="FILE", help="write what was sent: .log .asc .blf .mf4")
+    added.add_argument(
+        "--trace",
+        type=Path,
+        metavar="FILE",
+        help="truth beside output, a row per tick and line: .npz .csv .parquet",
+    )
+    added.add_argument(
+        "--picture", type=Path, metavar="FILE", help="draw lanes and camera view at the end: .png .svg"
+    )
+    added.add_argument(
+        "--duration", type=_positive, metavar="S", help="end after S seconds; default: the scenario's"
+    )
+    added.add_argument(
+        "--fast", action="store_true", help="simulated clock, as quickly as it goes, needs no bus"
+    )
+    added.add_argument(
+        "--seed", type=_seed, metavar="N", help="seed of all random draws; default: the scenario's"
+    )
+    added.add_argument(
+        "--profile", metavar="NAME", help="bus profile, shipped name or file; default: the scenario's"
+    )
+    added.add_argument("--dbc", type=Path, metavar="FILE", help="the database that the profile maps")
+    added.add_argument(
+        "--quiet", action="store_true", help="no live table, no progress bar; the summary stays"
+    )
+
+
+def _add_check(commands: "Commands[argparse.ArgumentParser]") -> None:
+    added = _command(commands, "check", check, CHECK_HELP)
+    added.add_argument("file", help="scenario, profile, map, DBC or log; or a shipped name")
+    added.add_argument("--profile", metavar="NAME", help="check with this profile instead of the scenario's")
+    added.add_argument("--dbc", type=Path, metavar="FILE", help="the database that the profile maps")
+
+
+def _add_decode(commands: "Commands[argparse.ArgumentParser]") -> None:
+    added = _command(commands, "decode", decode, DECODE_HELP)
+    added.add_argument("log", type=Path, help="CAN log: .log .asc .blf .mf4 .trc .csv, also gzipped")
+    added.add_argument(
+        "--profile", action="append", metavar="NAME", help="shipped name or file; repeatable; native"
+    )
+    added.add_argument("--dbc", type=Path, metavar="FILE", help="the database that the profile maps")
+    added.add_argument("--csv", action="store_true", help="comma-separated values instead of a table")
+
+
+def _add_score(commands: "Commands[argparse.ArgumentParser]") -> None:
+    added = _command(commands, "score", score, SCORE_HELP)
+    added.add_argument("trace", type=Path, help="trace file: .npz .csv .parquet")
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value <= 31_536_000.0:
+        raise argparse.ArgumentTypeError(f"{text} s: expected a time above 0, at most a year")
+    return value
+
+
+def _seed(text: str) -> int:
+    value = int(text)
+    if not 0 <= value < 2**63:
+        raise argparse.ArgumentTypeError(f"{text}: expected an integer from 0 to 2^63 - 1")
+    return value
+
+
+if __name__ == "__main__":
+    sys.exit(main())

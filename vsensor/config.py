@@ -1,0 +1,140 @@
+"""Scenario files: one TOML composed of each module's own section."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+
+from vsensor.camera import CameraConfig
+from vsensor.error_model import ErrorModelConfig
+from vsensor.errors import ConfigError
+from vsensor.lanefit import LaneFitConfig
+from vsensor.quality import QualityConfig
+from vsensor.region import RegionConfig
+from vsensor.scene import SceneConfig
+from vsensor.schema import Config, check_schema, convert, read_toml
+from vsensor.sensor import SensorConfig
+from vsensor.signals import VehicleConfig
+from vsensor.sources import LOG_SUFFIXES, MAP_SUFFIXES
+from vsensor.sources.drive import DriveConfig
+from vsensor.sources.map_drive import EgoConfig, EnvironmentConfig, TrafficConfig
+from vsensor.state import StateConfig
+from vsensor.tracker import TrackerConfig
+from vsensor.world.laid_road import LaidRoadConfig
+
+SCHEMA = "vsensor.scenario/1"
+SHIPPED = Path(__file__).parent / "scenarios"
+DEFAULT_SCENARIO = "highway"
+
+
+class BusConfig(Config):
+    """`[output]`: the profile that the frames follow, and the database it maps (shipped ones need none)."""
+
+    profile: str = "native"
+    dbc: str | None = None
+
+
+class ScenarioConfig(Config):
+    """A scenario: where the truth comes from, the sensor, and what goes out."""
+
+    source: str
+    name: str = ""
+    duration_s: Annotated[float, msgspec.Meta(gt=0, le=31_536_000)] | None = None
+    seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] = 0
+    cycle_ms: Annotated[int, msgspec.Meta(ge=5, le=1000)] = 40
+    ego: EgoConfig = EgoConfig()
+    traffic: tuple[TrafficConfig, ...] = ()
+    environment: EnvironmentConfig = EnvironmentConfig()
+    drive: DriveConfig = DriveConfig()
+    road: LaidRoadConfig = LaidRoadConfig()
+    vehicle: VehicleConfig = VehicleConfig()
+    camera: CameraConfig = CameraConfig()
+    scene: SceneConfig = SceneConfig()
+    region: RegionConfig = RegionConfig()
+    error_model: ErrorModelConfig = ErrorModelConfig()
+    fit: LaneFitConfig = LaneFitConfig()
+    tracker: TrackerConfig = TrackerConfig()
+    quality: QualityConfig = QualityConfig()
+    state: StateConfig = StateConfig()
+    output: BusConfig = BusConfig()
+
+    def sensor(self) -> SensorConfig:
+        """Return the sections that make up the sensor."""
+        return SensorConfig(
+            camera=self.camera,
+            scene=self.scene,
+            region=self.region,
+            error_model=self.error_model,
+            fit=self.fit,
+            tracker=self.tracker,
+            quality=self.quality,
+        )
+
+
+class Scenario(msgspec.Struct, frozen=True, kw_only=True):
+    """A scenario and the folder that its relative paths start from."""
+
+    config: ScenarioConfig
+    folder: Path
+    path: Path | None = None
+
+    def file(self, name: str) -> Path:
+        """Return the path of a file that the scenario names."""
+        return self.folder / Path(name).expanduser()
+
+    @property
+    def source(self) -> Path:
+        """Return the path of the map or log that the drive comes from."""
+        return self.file(self.config.source)
+
+    @property
+    def name(self) -> str:
+        """Return the scenario's name, its file's stem if it has none."""
+        return self.config.name or (self.path or self.source).stem
+
+
+def load_scenario(name_or_path: str | None = None, overrides: dict[str, Any] | None = None) -> Scenario:
+    """Load a shipped scenario by name, a scenario file, or a bare map or log with default settings.
+
+    `overrides` are top-level keys that the command line sets. Raises ConfigError naming file and key.
+    """
+    path = _find(name_or_path or DEFAULT_SCENARIO)
+    if path.suffix in (*MAP_SUFFIXES, *LOG_SUFFIXES):
+        data: dict[str, Any] = {"source": str(path.resolve())}
+        return Scenario(config=_parse(data, overrides, str(path)), folder=Path(), path=None)
+    data = check_schema(read_toml(path), SCHEMA, str(path))
+    scenario = Scenario(config=_parse(data, overrides, str(path)), folder=path.parent, path=path)
+    _check_source(scenario, path)
+    return scenario
+
+
+def shipped_scenarios() -> list[str]:
+    """Return the names of the scenarios that come with the package."""
+    return sorted(path.stem for path in SHIPPED.glob("*.toml"))
+
+
+def _find(name_or_path: str) -> Path:
+    path = Path(name_or_path).expanduser()
+    if path.suffix or path.exists():
+        if not path.exists():
+            raise ConfigError(f"{path}: no such file")
+        return path
+    shipped = SHIPPED / f"{name_or_path}.toml"
+    if not shipped.exists():
+        raise ConfigError(
+            f"{name_or_path}: neither a file nor a shipped scenario ({', '.join(shipped_scenarios())})"
+        )
+    return shipped
+
+
+def _parse(data: dict[str, Any], overrides: dict[str, Any] | None, where: str) -> ScenarioConfig:
+    return convert({**data, **(overrides or {})}, ScenarioConfig, where)
+
+
+def _check_source(scenario: Scenario, path: Path) -> None:
+    source = scenario.source
+    if source.suffix.lower() not in (*MAP_SUFFIXES, *LOG_SUFFIXES):
+        known = " ".join((*MAP_SUFFIXES, *LOG_SUFFIXES))
+        raise ConfigError(f"{path}: source = {scenario.config.source!r}: expected a map or log ({known})")
+    if not source.is_file():
+        raise ConfigError(f"{path}: source = {scenario.config.source!r}: no such file {source}")

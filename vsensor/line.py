@@ -1,0 +1,149 @@
+"""The whole straight line of one scenario: source, sensor, state machine, transmitter.
+
+The real-time loop, a batch run and a Python test all call `compute`; it knows no wall clock.
+"""
+
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any, cast
+
+from vsensor import sensor as sensing
+from vsensor import state as machine
+from vsensor import transmit as sending
+from vsensor.config import Scenario
+from vsensor.errors import ConfigError
+from vsensor.profile import Profile, load_profile
+from vsensor.sensor import Lap, Sensor, no_lap
+from vsensor.signals import VehicleConfig, values_from
+from vsensor.sources import LOG_SUFFIXES, Inputs, Source
+from vsensor.sources.drive import RecordedDrive
+from vsensor.sources.map_drive import MapDrive
+from vsensor.state import StateConfig
+from vsensor.transmit import Transmitter, TransmitState
+from vsensor.types import Frame, Output, Tick
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LineState:
+    """Everything that a run remembers: save it, and the run restarts at any tick."""
+
+    source: Any
+    sensor: sensing.SensorState
+    machine: machine.SensorState
+    transmit: TransmitState
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Computed:
+    """One tick computed ahead of its slot; which state goes on depends on whether its frames were sent."""
+
+    output: Output
+    state_if_sent: LineState
+    state_if_dropped: LineState
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """Source, sensor and transmitter of a scenario, compiled."""
+
+    source: Source
+    sensor: Sensor
+    vehicle: VehicleConfig
+    state_config: StateConfig
+    transmitter: Transmitter
+
+    @property
+    def profile(self) -> Profile:
+        """The profile that the frames follow."""
+        return self.transmitter.profile
+
+    def initial_state(self) -> LineState:
+        """Return the state before the first tick."""
+        return LineState(
+            source=self.source.initial_state(),
+            sensor=sensing.initial_state(),
+            machine=machine.initial_state(),
+            transmit=sending.initial_state(self.transmitter),
+        )
+
+    def compute(
+        self, state: LineState, tick: Tick, inputs: Inputs = (), lap: Lap = no_lap
+    ) -> Computed | None:
+        """Compute one tick; None once the source has ended."""
+        source_state, snapshot = self.source.advance(state.source, tick, inputs)
+        lap("world")
+        if snapshot is None:
+            return None
+        sensor_state, sensed = sensing.sense(self.sensor, state.sensor, snapshot, tick, lap)
+        machine_state = machine.advance(
+            self.state_config, state.machine, degraded=sensed.estimate.degraded, tick=tick
+        )
+        values = values_from(
+            self.vehicle, sensed.estimate, snapshot.ego, machine_state.mode, snapshot.scene.environment
+        )
+        transmit_state, frames = sending.transmit(self.transmitter, state.transmit, values, tick)
+        lap("signals+codec")
+        output = Output(
+            tick=tick,
+            snapshot=snapshot,
+            observation=sensed.observation,
+            detections=sensed.detections,
+            estimate=sensed.estimate,
+            values=values,
+            frames=frames,
+        )
+        return Computed(
+            output=output,
+            state_if_sent=LineState(
+                source=source_state, sensor=sensor_state, machine=machine_state, transmit=transmit_state
+            ),
+            state_if_dropped=LineState(
+                source=source_state, sensor=sensor_state, machine=machine_state, transmit=state.transmit
+            ),
+        )
+
+    def accepts(self, frame: Frame) -> bool:
+        """Return whether a frame that was heard decodes through the profile, CRC included."""
+        return self.profile.decode(frame, check=True) is not None
+
+
+def build_line(scenario: Scenario) -> Line:
+    """Load and compile everything that a scenario names; raises VsensorError subclasses."""
+    config = scenario.config
+    profile = load_profile(*_profile_files(scenario))
+    return Line(
+        source=build_source(scenario),
+        sensor=Sensor.of(config.sensor(), config.seed, scenario.folder),
+        vehicle=config.vehicle,
+        state_config=config.state,
+        transmitter=Transmitter(profile, config.vehicle, config.camera.position_m[0]),
+    )
+
+
+def build_source(scenario: Scenario) -> MapDrive | RecordedDrive:
+    """Open the map or the log that the scenario drives on."""
+    config, path = scenario.config, scenario.source
+    if not path.is_file():
+        raise ConfigError(f"{scenario.path or 'source'}: source = {config.source!r}: no such file {path}")
+    environment = config.environment.environment()
+    if path.suffix.lower() in LOG_SUFFIXES:
+        return RecordedDrive.load(path, config.drive, config.road, scenario.folder, environment)
+    return MapDrive.load(path, config.ego, config.traffic, environment)
+
+
+def tick_count(scenario: Scenario, source: MapDrive | RecordedDrive) -> int | None:
+    """Return the number of slots of a run: the scenario's duration or the drive's; None = for ever."""
+    seconds = scenario.config.duration_s
+    if seconds is None:
+        seconds = source.duration_s
+    if not isfinite(seconds):
+        return None
+    return max(1, round(seconds * 1000 / scenario.config.cycle_ms))
+
+
+def _profile_files(scenario: Scenario) -> tuple[Any, Any]:
+    output = scenario.config.output
+    name = output.profile
+    if name.endswith(".toml"):
+        return scenario.file(name), scenario.file(output.dbc) if output.dbc else None
+    return name, cast(Any, scenario.file(output.dbc) if output.dbc else None)

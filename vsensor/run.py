@@ -1,0 +1,207 @@
+"""`vsensor run`: a scenario, a bus, sinks and a clock put together."""
+
+import contextlib
+import gc
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+
+import msgspec
+
+from vsensor.bus import FrameBus, open_bus
+from vsensor.clock import Clock, MonotonicClock, SimulatedClock, epoch_offset_ns
+from vsensor.config import Scenario
+from vsensor.errors import BusError, ConfigError
+from vsensor.line import Line, build_line, tick_count
+from vsensor.profile import quantisation_error_m
+from vsensor.runner import Summary, run_loop
+from vsensor.sinks import Sink
+from vsensor.types import NANOSECONDS_PER_SECOND, Output
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOptions:
+    """What the command line says beside the scenario."""
+
+    bus: str | None = None
+    log: Path | None = None
+    trace: Path | None = None
+    picture: Path | None = None
+    fast: bool = False
+    profile: str | None = None
+    dbc: Path | None = None
+    table: bool = False
+    progress: bool = False
+
+
+def run_scenario(scenario: Scenario, options: RunOptions, say: Say) -> Summary:
+    """Run a scenario to its end, to `stop`, or until SIGINT or SIGTERM; raises VsensorError subclasses."""
+    scenario = with_profile(scenario, options)
+    line = build_line(scenario)
+    for finding in getattr(line.source, "findings", ()):
+        say(finding)
+    period_ns = scenario.config.cycle_ms * 1_000_000
+    ticks = tick_count(scenario, line.source)  # type: ignore[arg-type]
+    if ticks is None and options.fast:
+        raise ConfigError(f"{scenario.name}: the drive never ends; with --fast give --duration S")
+    with contextlib.ExitStack() as stack:
+        bus = _bus(options, line)
+        if bus is not None:
+            stack.callback(bus.close)
+            say(f"sending on {bus.name} every {scenario.config.cycle_ms} ms, profile {line.profile.name}")
+        sinks = _sinks(scenario, options, line, stack)
+        stopped = stack.enter_context(_stop_signals())
+        advance = stack.enter_context(_progress(options, ticks, period_ns))
+        clock: Clock = SimulatedClock() if options.fast else MonotonicClock()
+        gc.collect()
+        gc.freeze()  # what is loaded now stays: the collector need not look at it in the cycle
+        stack.callback(gc.unfreeze)
+        summary = run_loop(
+            line,
+            clock,
+            period_ns=period_ns,
+            ticks=ticks,
+            bus=bus,
+            sinks=sinks,
+            stop=stopped,
+            on_tick=advance,
+            real_time=not options.fast,
+        )
+    if bus is not None and bus.report():
+        summary.notes.append(bus.report())
+    summary.notes += [f"wrote {path}" for path in (options.log, options.trace, options.picture) if path]
+    return summary
+
+
+def with_profile(scenario: Scenario, options: RunOptions) -> Scenario:
+    """Return the scenario with the profile and database that the command line gives instead."""
+    if options.profile is None and options.dbc is None:
+        return scenario
+    output = scenario.config.output
+    profile = options.profile or output.profile
+    if profile.endswith(".toml") and options.profile:
+        profile = str(Path(profile).resolve())
+    dbc = str(options.dbc.resolve()) if options.dbc else (None if options.profile else output.dbc)
+    changed = msgspec.structs.replace(output, profile=profile, dbc=dbc)
+    return msgspec.structs.replace(scenario, config=msgspec.structs.replace(scenario.config, output=changed))
+
+
+def _bus(options: RunOptions, line: Line) -> FrameBus | None:
+    if options.fast and options.bus is None:
+        return None
+    is_fd = any(plan.layout.is_fd for plan in line.profile.messages)
+    bus = open_bus(options.bus or "auto", fd=is_fd)
+    if options.fast and not bus.is_simulated:
+        bus.close()
+        raise BusError(f"bus {options.bus}: --fast would flood a real bus; use it with vcan or virtual only")
+    return bus
+
+
+def _sinks(
+    scenario: Scenario, options: RunOptions, line: Line, stack: contextlib.ExitStack
+) -> Sequence[Sink]:
+    """Open the sinks; each is closed when the stack unwinds, the table first."""
+    sinks: list[Sink] = []
+    if options.log is not None:
+        from vsensor.sinks.log import LogSink
+
+        sinks.append(LogSink(options.log, _epoch_ns(scenario)))
+        stack.callback(sinks[-1].close)
+    if options.trace is not None:
+        from vsensor.sinks.trace import TraceSink
+
+        sinks.append(
+            TraceSink(
+                options.trace,
+                front_axle_x_m=scenario.config.vehicle.wheelbase_m,
+                metadata={
+                    "scenario": scenario.name,
+                    "source": scenario.config.source,
+                    "seed": scenario.config.seed,
+                    "cycle_ms": scenario.config.cycle_ms,
+                    "profile": line.profile.name,
+                    "quantisation_m": {
+                        str(x): error for x, error in quantisation_error_m(line.profile).items()
+                    },
+                },
+            )
+        )
+        stack.callback(sinks[-1].close)
+    if options.picture is not None:
+        sinks.append(_PictureSink(options.picture, line))
+        stack.callback(sinks[-1].close)
+    if options.table and not options.fast:
+        from vsensor.sinks.table import TableSink
+
+        sinks.append(TableSink())
+        stack.callback(sinks[-1].close)
+    return sinks
+
+
+def _epoch_ns(scenario: Scenario) -> int:
+    """Return the Unix time of slot 0."""
+    first_slot_ns = MonotonicClock().now_ns() + scenario.config.cycle_ms * 1_000_000
+    return epoch_offset_ns() + first_slot_ns
+
+
+class _PictureSink:
+    """Keeps every output's essence until the end and draws one of the middle; see `vsensor.plots`."""
+
+    def __init__(self, path: Path, line: Line) -> None:
+        self._path, self._line = path, line
+        self._outputs: list[Output] = []
+
+    def write(self, output: Output) -> None:
+        """Keep one output a second."""
+        if output.tick.t_ns % NANOSECONDS_PER_SECOND < output.tick.period_ns:
+            self._outputs.append(output)
+
+    def close(self) -> None:
+        """Draw."""
+        if self._outputs:
+            from vsensor.plots import plot_output
+
+            plot_output(self._line.sensor.camera, self._outputs[len(self._outputs) // 2], self._path)
+
+
+@contextlib.contextmanager
+def _stop_signals() -> Iterator[Callable[[], bool]]:
+    """Turn SIGINT and SIGTERM into a question, so that no tick is cut in two; a second one ends at once."""
+    received: list[int] = []
+
+    def note(number: int, frame: FrameType | None) -> None:
+        if received:
+            raise KeyboardInterrupt
+        received.append(number)
+
+    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield lambda: bool(received)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def _progress(options: RunOptions, ticks: int | None, period_ns: int) -> Iterator[Callable[[int], None]]:
+    """Show a progress bar in simulated seconds, if wanted."""
+    if not options.progress:
+        yield lambda index: None
+        return
+    from tqdm import tqdm
+
+    total_s = None if ticks is None else ticks * period_ns / 1e9
+    with tqdm(
+        total=total_s, unit="s", unit_scale=False, bar_format="{l_bar}{bar}| {n:.0f}/{total:.0f} s"
+    ) as bar:
+
+        def advance(index: int) -> None:
+            if index % 25 == 0:
+                bar.n = index * period_ns / 1e9
+                bar.refresh()
+
+        yield advance

@@ -1,0 +1,138 @@
+"""The sensor's line joined: from what is there to what would be reported, once per image.
+
+Snapshot -> camera -> Observation -> region, error model -> Detections -> fits, tracker, quality -> LaneEstimate
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import isfinite
+from pathlib import Path
+
+from vsensor import error_model, lanefit, quality, tracker
+from vsensor.camera import Camera, CameraConfig, observe
+from vsensor.draws import Draws
+from vsensor.error_model import ErrorLaw, ErrorModelConfig, ErrorState, load_law
+from vsensor.lanefit import LaneFitConfig
+from vsensor.quality import QualityConfig
+from vsensor.region import RegionConfig, limit
+from vsensor.scene import SceneConfig
+from vsensor.schema import Config
+from vsensor.tracker import TrackerConfig, TrackerState
+from vsensor.types import Detections, EgoState, LaneEstimate, Observation, Scene, Snapshot, Tick, frozen
+
+Lap = Callable[[str], None]
+"""Called with a stage's name when the stage has ended; the runner measures, the sensor knows no clock."""
+
+
+def no_lap(stage: str) -> None:
+    """Measure nothing."""
+
+
+class SensorConfig(Config):
+    """The sections of a scenario that make up the sensor."""
+
+    camera: CameraConfig = CameraConfig()
+    scene: SceneConfig = SceneConfig()
+    region: RegionConfig = RegionConfig()
+    error_model: ErrorModelConfig = ErrorModelConfig()
+    fit: LaneFitConfig = LaneFitConfig()
+    tracker: TrackerConfig = TrackerConfig()
+    quality: QualityConfig = QualityConfig()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensor:
+    """A sensor ready to look: its configuration, compiled once. `draws` places all random numbers."""
+
+    config: SensorConfig
+    camera: Camera
+    law: ErrorLaw | None
+    draws: Draws
+
+    @classmethod
+    def of(cls, config: SensorConfig, seed: int = 0, folder: Path = Path()) -> "Sensor":
+        """Compile `config`; a model file's relative path is meant from `folder`. Raises ConfigError."""
+        return cls(
+            config=config,
+            camera=Camera.from_config(config.camera),
+            law=load_law(config.error_model, folder),
+            draws=Draws(seed),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorState:
+    """What the sensor remembers from image to image."""
+
+    errors: ErrorState
+    tracks: TrackerState
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensed:
+    """What one image gave, stage by stage."""
+
+    observation: Observation
+    detections: Detections
+    estimate: LaneEstimate
+
+
+def initial_state() -> SensorState:
+    """Return the state before the first image."""
+    return SensorState(errors=error_model.initial_state(), tracks=tracker.initial_state())
+
+
+def sense(
+    sensor: Sensor, state: SensorState, snapshot: Snapshot, tick: Tick, lap: Lap = no_lap
+) -> tuple[SensorState, Sensed]:
+    """Take one image of `snapshot` and report its lines.
+
+    An ego state that is not finite is no exception: nothing is reported and the estimate says so.
+    """
+    config, ego, scene = sensor.config, snapshot.ego, snapshot.scene
+    is_known = _is_finite(ego)
+    if not is_known:
+        ego, scene = _STANDING, Scene(markings=())
+        snapshot = replace(snapshot, ego=ego, scene=scene)
+    observation = observe(sensor.camera, config.scene, snapshot)
+    lap("camera")
+    detections = limit(config.region, observation, ego.speed_mps, snapshot.t_ns)
+    line_ids = tuple(scene.markings[place].group for place in detections.lines.marking.tolist())
+    errors, lines = error_model.apply(
+        sensor.law, state.errors, sensor.draws, tick, ego.speed_mps, line_ids, detections.lines
+    )
+    detections = replace(detections, lines=lines)
+    lap("region+error")
+    fits = lanefit.fit_lines(config.fit, lines, detections.sigma_y_m)
+    tracks, assignment = tracker.assign(config.tracker, state.tracks, fits, ego, tick)
+    estimate = LaneEstimate(
+        exposed_at_ns=detections.exposed_at_ns,
+        image_index=tick.index,
+        boundaries=quality.boundaries(config.quality, assignment.sides, fits, detections, scene.environment),
+        lane_change=assignment.lane_change,
+        degraded=not is_known,
+    )
+    lap("fit+track")
+    return SensorState(errors=errors, tracks=tracks), Sensed(
+        observation=observation, detections=detections, estimate=estimate
+    )
+
+
+_STANDING = EgoState(t_ns=0, position_world_m=frozen([0.0, 0.0, 0.0]), speed_mps=0.0)
+
+
+def _is_finite(ego: EgoState) -> bool:
+    x, y, z = ego.position_world_m.tolist()
+    return isfinite(
+        x
+        + y
+        + z
+        + ego.roll_rad
+        + ego.pitch_rad
+        + ego.yaw_rad
+        + ego.speed_mps
+        + ego.yaw_rate_radps
+        + ego.body_roll_rad
+        + ego.body_pitch_rad
+        + ego.body_heave_m
+    )

@@ -1,0 +1,285 @@
+"""A drive along a lane of a map, with traffic as boxes beside and ahead."""
+
+from dataclasses import dataclass
+from math import atan2, cos, hypot, inf, sin
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+
+from vsensor.errors import ConfigError
+from vsensor.schema import Config
+from vsensor.sources import Inputs
+from vsensor.transforms import rotation_from_rpy, rpy_from_rotation
+from vsensor.types import Array, EgoState, Environment, Light, Obstacle, Scene, Snapshot, Tick, frozen
+from vsensor.world.corridor import Corridor, Poses
+from vsensor.world.opendrive import load_map
+from vsensor.world.profiles import LinearProfile, Points, SmoothProfile
+from vsensor.world.route import CorridorConfig
+
+MPS_PER_KMH = 1.0 / 3.6
+
+VEHICLE_SIZES_M = {
+    "car": (4.6, 1.8, 1.5),
+    "van": (6.0, 2.0, 2.6),
+    "truck": (16.5, 2.55, 4.0),
+    "motorcycle": (2.2, 0.8, 1.5),
+}
+"""Length, width, height; the truck is the largest articulated vehicle of Directive 96/53/EC."""
+
+VIEW_M = 250.0  # markings are given up to here ahead; no lane camera reports farther
+BEHIND_M = 20.0
+
+
+class EgoConfig(Config):
+    """`[ego]`: where the drive starts, how fast, and how far to the left of the lane's centre."""
+
+    road: str = "auto"
+    lane: int | Literal["auto"] = "auto"
+    s_m: Annotated[float, msgspec.Meta(ge=0)] | None = None
+    route: tuple[str, ...] = ()
+    lane_type: str = "driving"
+    speed_kmh: Points = 100.0
+    offset_m: Points = 0.0
+
+    def corridor(self) -> CorridorConfig:
+        """Return where the corridor begins and which way it goes."""
+        return CorridorConfig(
+            road=self.road,
+            lane=None if self.lane == "auto" else self.lane,
+            s_m=self.s_m,
+            route=self.route,
+            lane_type=self.lane_type,
+        )
+
+
+class TrafficConfig(Config):
+    """`[[traffic]]`: a vehicle on a lane beside the ego's, as a box.
+
+    Without `speed_kmh` it keeps `ahead_m` (from the ego's rear axle to the vehicle's centre); with it,
+    `ahead_m` is where it starts, and with `recycle_m` the vehicle stands in for one every so many metres.
+    """
+
+    kind: Literal["car", "van", "truck", "motorcycle"] = "car"
+    lanes_left: Annotated[int, msgspec.Meta(ge=-8, le=8)] = 0
+    ahead_m: Points = 50.0
+    speed_kmh: Points | None = None
+    recycle_m: Annotated[float, msgspec.Meta(ge=100, le=100_000)] | None = None
+    size_m: tuple[float, float, float] | None = None
+    offset_m: float = 0.0
+
+
+class EnvironmentConfig(Config):
+    """`[environment]`: light and rain (0 dry to 1 heaviest)."""
+
+    light: Literal["day", "dusk", "night"] = "day"
+    rain: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.0
+
+    def environment(self) -> Environment:
+        """Return the value that the scene carries."""
+        return Environment(light=Light[self.light.upper()], rain=self.rain)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Vehicle:
+    """A vehicle of the traffic, its motion compiled; `ahead` is None where it has a speed of its own."""
+
+    lanes_left: int
+    offset_m: float
+    size_m: tuple[float, float, float]
+    ahead: LinearProfile | None
+    start_m: float
+    speed: LinearProfile | None
+    recycle_m: float
+
+    def distance_m(self, t_s: float, ego_m: float, ego_driven_m: float) -> float:
+        """Return its route distance at `t_s` when the ego is at `ego_m` and has driven `ego_driven_m`."""
+        if self.speed is None:
+            return ego_m + (self.ahead.value(t_s) if self.ahead is not None else self.start_m)
+        relative_m = self.start_m + self.speed.integral(t_s) - ego_driven_m
+        if self.recycle_m < inf:
+            relative_m = (relative_m + self.recycle_m / 2.0) % self.recycle_m - self.recycle_m / 2.0
+        return ego_m + relative_m
+
+
+class MapDrive:
+    """The source of a drive over a map; everything follows from the time alone, so the state is None."""
+
+    def __init__(
+        self,
+        corridor: Corridor,
+        ego: EgoConfig | None = None,
+        traffic: tuple[TrafficConfig, ...] = (),
+        environment: Environment | None = None,
+    ) -> None:
+        """Compile the motion; raises ConfigError for profiles that are none, MapError for the start."""
+        ego = ego or EgoConfig()
+        self.corridor = corridor
+        self._speed = LinearProfile.of(ego.speed_kmh, "ego.speed_kmh", MPS_PER_KMH)
+        if min(self._speed.values) < 0.0 or max(self._speed.values) > 150.0:
+            raise ConfigError("ego.speed_kmh: values from 0 to 540 km/h were expected")
+        self._offset = SmoothProfile.of(ego.offset_m, "ego.offset_m")
+        if max(map(abs, self._offset.values)) > 20.0:
+            raise ConfigError("ego.offset_m: at most 20 m to either side were expected")
+        self._vehicles = tuple(_vehicle(config, number) for number, config in enumerate(traffic))
+        self._environment = environment if environment is not None else Environment()
+
+    @classmethod
+    def load(
+        cls, path: Path, ego: EgoConfig, traffic: tuple[TrafficConfig, ...], environment: Environment
+    ) -> "MapDrive":
+        """Load the map and find the start; raises MapError, ConfigError."""
+        return cls(Corridor(load_map(path), ego.corridor()), ego, traffic, environment)
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """What was found in the map, as sentences."""
+        return tuple(self.corridor.road_map.warnings)
+
+    @property
+    def duration_s(self) -> float:
+        """Time until the road ends; infinite on a closed circuit or if the vehicle never gets there."""
+        length_m = self.corridor.length_m
+        if length_m == inf or self._speed.integral(self._speed.times_s[-1]) > length_m:
+            return inf if length_m == inf else self._time_at(length_m)
+        last = self._speed.values[-1]
+        driven_m = self._speed.integral(self._speed.times_s[-1])
+        return self._speed.times_s[-1] + (length_m - driven_m) / last if last > 0.0 else inf
+
+    def _time_at(self, length_m: float) -> float:
+        low, high = 0.0, self._speed.times_s[-1]
+        for _ in range(60):
+            middle = (low + high) / 2.0
+            low, high = (middle, high) if self._speed.integral(middle) < length_m else (low, middle)
+        return high
+
+    def initial_state(self) -> None:
+        """Return the state, which is nothing."""
+        return None
+
+    def advance(self, state: None, tick: Tick, inputs: Inputs) -> tuple[None, Snapshot | None]:
+        """Return the truth at `tick.t_ns`; None once the road has ended."""
+        t_s = tick.t_ns * 1e-9
+        s_m = self._speed.integral(t_s)
+        if not self.corridor.reaches(s_m):
+            return None, None
+        scene = Scene(
+            markings=self.corridor.markings_window(s_m - BEHIND_M, s_m + VIEW_M),
+            obstacles=self._obstacles(t_s, s_m),
+            environment=self._environment,
+        )
+        return None, Snapshot(t_ns=tick.t_ns, ego=self._ego(tick.t_ns, t_s, s_m), scene=scene)
+
+    def _ego(self, t_ns: int, t_s: float, s_m: float) -> EgoState:
+        """Return the ego's pose: the lane's plus the offset, its heading turned into the path's direction.
+
+        The foot point moves at v along the lane, the vehicle at d = v (1 - curvature o) along it and o'
+        across it; the heading leaves the lane's by atan2(o', d).
+        """
+        offset, across, across_rate = self._offset.derivatives(t_s)
+        foot_speed, foot_rate = self._speed.value(t_s), self._speed.slope(t_s)
+        step_m = 0.05
+        poses = self.corridor.poses(np.array([s_m, s_m + step_m]), np.array([offset, offset]))
+        curvature, ahead = poses.curvature_per_m.tolist()
+        along = foot_speed * (1.0 - curvature * offset)
+        curvature_rate = (ahead - curvature) / step_m * foot_speed
+        along_rate = foot_rate * (1.0 - curvature * offset) - foot_speed * (
+            curvature_rate * offset + curvature * across
+        )
+        speed = hypot(along, across)
+        turn = turn_rate = 0.0
+        if speed > 1e-3:
+            turn = atan2(across, along)
+            turn_rate = (across_rate * along - across * along_rate) / speed**2
+        yaw_rate = curvature * foot_speed + turn_rate
+        roll, pitch, yaw = _turned(poses, turn)
+        return EgoState(
+            t_ns=t_ns,
+            position_world_m=frozen(poses.position_world_m[0]),
+            roll_rad=roll,
+            pitch_rad=pitch,
+            yaw_rad=yaw,
+            speed_mps=speed,
+            yaw_rate_radps=yaw_rate,
+            acceleration_mps2=(along * along_rate + across * across_rate) / speed
+            if speed > 1e-3
+            else foot_rate,
+            lateral_acceleration_mps2=speed * yaw_rate,
+        )
+
+    def _obstacles(self, t_s: float, ego_m: float) -> tuple[Obstacle, ...]:
+        """Return the traffic within view as boxes standing on the road."""
+        driven_m = self._speed.integral(t_s)
+        near: list[tuple[int, _Vehicle, float]] = []
+        for number, vehicle in enumerate(self._vehicles):
+            s_m = vehicle.distance_m(t_s, ego_m, driven_m)
+            if -BEHIND_M - vehicle.size_m[0] < s_m - ego_m < VIEW_M and self.corridor.reaches(s_m):
+                near.append((number, vehicle, s_m))
+        if not near:
+            return ()
+        offsets = [vehicle.offset_m + self._lane_offset(vehicle, s_m) for _, vehicle, s_m in near]
+        poses = self.corridor.poses(np.array([s_m for *_, s_m in near]), np.array(offsets))
+        boxes = []
+        for row, (number, vehicle, _) in enumerate(near):
+            roll, pitch, yaw = (
+                float(angle[row]) for angle in (poses.roll_rad, poses.pitch_rad, poses.yaw_rad)
+            )
+            up = np.array(
+                [
+                    cos(yaw) * sin(pitch) * cos(roll) + sin(yaw) * sin(roll),
+                    sin(yaw) * sin(pitch) * cos(roll) - cos(yaw) * sin(roll),
+                    cos(pitch) * cos(roll),
+                ]
+            )
+            boxes.append(
+                Obstacle(
+                    id=number,
+                    centre_world_m=frozen(poses.position_world_m[row] + 0.5 * vehicle.size_m[2] * up),
+                    size_m=vehicle.size_m,
+                    roll_rad=roll,
+                    pitch_rad=pitch,
+                    yaw_rad=yaw,
+                )
+            )
+        return tuple(boxes)
+
+    def _lane_offset(self, vehicle: _Vehicle, s_m: float) -> float:
+        """Return the offset of the vehicle's lane; without such a lane it keeps where one would be."""
+        if vehicle.lanes_left == 0:
+            return 0.0
+        beside = self.corridor.lane_beside(s_m, vehicle.lanes_left)
+        if beside is not None:
+            return float(beside.offset_m[0])
+        return vehicle.lanes_left * self.corridor.lane_width(s_m)
+
+
+def _turned(poses: Poses, turn_rad: float) -> tuple[float, float, float]:
+    """Return roll, pitch, yaw of the first pose, turned about the road's normal."""
+    angles = (float(poses.roll_rad[0]), float(poses.pitch_rad[0]), float(poses.yaw_rad[0]))
+    if turn_rad == 0.0:
+        return angles
+    rotation: Array = rotation_from_rpy(*angles) @ rotation_from_rpy(0.0, 0.0, turn_rad)
+    return rpy_from_rotation(rotation)
+
+
+def _vehicle(config: TrafficConfig, number: int) -> _Vehicle:
+    where = f"traffic[{number}]"
+    ahead = LinearProfile.of(config.ahead_m, f"{where}.ahead_m")
+    if config.speed_kmh is None and config.recycle_m is not None:
+        raise ConfigError(f"{where}.recycle_m: only a vehicle with a speed_kmh of its own comes round again")
+    if config.speed_kmh is not None and len(ahead.values) > 1:
+        raise ConfigError(f"{where}.ahead_m: one number was expected, since speed_kmh says how it moves on")
+    size_m = config.size_m or VEHICLE_SIZES_M[config.kind]
+    if min(size_m) <= 0.0 or max(size_m) > 60.0:
+        raise ConfigError(f"{where}.size_m = {list(size_m)}: length, width, height up to 60 m were expected")
+    speed = config.speed_kmh
+    return _Vehicle(
+        lanes_left=config.lanes_left,
+        offset_m=config.offset_m,
+        size_m=size_m,
+        ahead=ahead if speed is None else None,
+        start_m=ahead.values[0],
+        speed=None if speed is None else LinearProfile.of(speed, f"{where}.speed_kmh", MPS_PER_KMH),
+        recycle_m=config.recycle_m if config.recycle_m is not None else inf,
+    )
