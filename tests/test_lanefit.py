@@ -1,0 +1,252 @@
+from math import comb
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.lines import line_points
+from vsensor.lanefit import LaneFitConfig, fit, fit_lines
+
+ANY = {"min_points": 2, "min_length_m": 0.0}
+X_M = np.arange(5.0, 105.0, 0.1)
+CUBIC = np.array([1.75, 0.01, 2e-4, -1e-6])
+
+
+def polynomial(coefficients, x):
+    return np.polynomial.polynomial.polyval(x, coefficients)
+
+
+def fitted(x, y, sigma=None, **config):
+    return fit(LaneFitConfig(**ANY | config), x, y, np.zeros(len(x)) if sigma is None else sigma)
+
+
+def shifted(coefficients, by):
+    """Return the coefficients of y(x - by), by the binomial theorem."""
+    size = len(coefficients)
+    return np.array(
+        [sum(coefficients[i] * comb(i, j) * (-by) ** (i - j) for i in range(j, size)) for j in range(size)]
+    )
+
+
+# --- the coefficients -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("order", range(1, 10))
+@pytest.mark.parametrize("weighting", ["uniform", "sigma", "range"])
+def test_a_polynomial_of_any_order_is_recovered_over_5_to_200_m(order, weighting):
+    x = np.linspace(5.0, 200.0, 1000)
+    true = np.random.default_rng(order).normal(size=order + 1) / 100.0 ** np.arange(order + 1)
+    y = polynomial(true, x)
+    found = fitted(x, y, sigma=0.01 + 1e-4 * x, order=order, weighting=weighting)
+    terms = 200.0 ** np.arange(order + 1)  # compared by what each coefficient adds at 200 m
+    # rounding y alone moves coefficients this far: T_n((x - 102.5) / 97.5) written in powers of
+    # x / 200 has coefficients of the sum |T_n(3.1 i)|, 130 at order 3, 9e6 at order 9
+    growth = np.abs(np.polynomial.chebyshev.chebval(3.1j, [0.0] * order + [1.0]))
+    tolerance = max(1e-12, 4.0 * np.finfo(float).eps * growth) * np.abs(y).max()
+    np.testing.assert_allclose(found.coefficients * terms, true * terms, rtol=0.0, atol=tolerance)
+    np.testing.assert_allclose([found.y_at(at) for at in x[::50]], y[::50], rtol=0.0, atol=tolerance)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 5, 9])
+def test_the_fit_of_noisy_points_is_the_least_squares_solution_in_fifty_digits(order):
+    x = np.linspace(5.0, 105.0, 41)
+    y = polynomial(CUBIC, x) + np.random.default_rng(order).normal(0.0, 0.05, 41)
+    found = fitted(x, y, order=order)
+    with mpmath.workdps(50):
+        rows = mpmath.matrix([[mpmath.mpf(at) ** j for j in range(order + 1)] for at in x])
+        normal = rows.T * rows
+        solution = mpmath.lu_solve(normal, rows.T * mpmath.matrix(list(y)))
+        residual = mpmath.matrix(list(y)) - rows * solution
+        variance = (residual.T * residual)[0] / (41 - order - 1)
+        covariance = variance * mpmath.inverse(normal)
+        expected = np.array([float(value) for value in solution])
+        expected_covariance = np.array(covariance.tolist(), dtype=float)
+    std = np.sqrt(np.diag(expected_covariance))
+    # far below what the points themselves leave open
+    np.testing.assert_allclose((found.coefficients - expected) / std, 0.0, atol=1e-8)
+    np.testing.assert_allclose(
+        found.covariance / np.outer(std, std), expected_covariance / np.outer(std, std), atol=1e-8
+    )
+    assert found.residual_std_m == pytest.approx(float(mpmath.sqrt(variance)), rel=1e-9)
+
+
+@pytest.mark.parametrize("weighting", ["sigma", "range"])
+def test_a_weighted_fit_is_the_uniform_fit_of_points_repeated_by_their_weight(weighting):
+    x = np.array([5.0, 20.0, 33.0, 47.0, 60.0, 80.0])
+    y = polynomial(CUBIC, x) + np.array([0.1, -0.2, 0.3, 0.1, -0.3, 0.2])
+    times = np.array([9, 4, 1, 4, 9, 1])
+    sigma = 1.0 / np.sqrt(times)
+    repeated = fitted(np.repeat(x, times), np.repeat(y, times), order=2)
+    if weighting == "sigma":
+        found = fitted(x, y, sigma=sigma, order=2, weighting="sigma")
+        np.testing.assert_allclose(found.coefficients, repeated.coefficients, rtol=1e-10)
+        np.testing.assert_allclose(
+            found.covariance * repeated.residual_std_m**2, repeated.covariance, rtol=1e-9
+        )
+    else:
+        by_sigma = fitted(x, y, sigma=np.hypot(5.0, x), order=2, weighting="sigma")
+        found = fitted(x, y, order=2, weighting="range")
+        np.testing.assert_allclose(found.coefficients, by_sigma.coefficients, rtol=1e-10)
+
+
+def test_weighting_by_sigma_without_a_sigma_is_uniform():
+    y = polynomial(CUBIC, X_M) + np.random.default_rng(1).normal(0.0, 0.05, len(X_M))
+    uniform, by_sigma = fitted(X_M, y), fitted(X_M, y, weighting="sigma")
+    np.testing.assert_array_equal(by_sigma.coefficients, uniform.coefficients)
+    np.testing.assert_array_equal(by_sigma.covariance, uniform.covariance)
+
+
+def test_the_residual_is_that_of_the_points_whatever_their_weights():
+    y = polynomial(CUBIC, X_M) + np.random.default_rng(2).normal(0.0, 0.05, len(X_M))
+    for weighting in ("uniform", "sigma", "range"):
+        found = fitted(X_M, y, sigma=np.full(len(X_M), 0.3), weighting=weighting)
+        rest = y - polynomial(found.coefficients, X_M)
+        assert found.residual_std_m == pytest.approx(np.sqrt(rest @ rest / (len(X_M) - 4)), rel=1e-9)
+
+
+# --- invariants -------------------------------------------------------------------------------------
+
+noise = st.integers(0, 2**32 - 1)
+
+
+def noisy(seed):
+    return polynomial(CUBIC, X_M) + np.random.default_rng(seed).normal(0.0, 0.05, len(X_M))
+
+
+@given(noise, st.sampled_from(["uniform", "sigma", "range"]))
+def test_mirrored_points_flip_the_sign_of_every_coefficient(seed, weighting):
+    sigma = 0.01 + 1e-3 * X_M
+    found = fitted(X_M, noisy(seed), sigma=sigma, weighting=weighting)
+    mirrored = fitted(X_M, -noisy(seed), sigma=sigma, weighting=weighting)
+    np.testing.assert_array_equal(mirrored.coefficients, -found.coefficients)
+    np.testing.assert_array_equal(mirrored.covariance, found.covariance)
+
+
+@given(noise, st.floats(-50.0, 50.0))
+def test_points_moved_along_x_give_the_moved_polynomial(seed, by):
+    found, moved = fitted(X_M, noisy(seed)), fitted(X_M + by, noisy(seed))
+    expected = shifted(found.coefficients, by)
+    terms = 100.0 ** np.arange(4)
+    np.testing.assert_allclose(moved.coefficients * terms, expected * terms, rtol=1e-9, atol=1e-9)
+    assert moved.std_at(30.0 + by) == pytest.approx(found.std_at(30.0), rel=1e-6)
+
+
+@given(noise)
+def test_the_order_of_the_points_does_not_matter(seed):
+    shuffled = np.random.default_rng(seed).permutation(len(X_M))
+    found, other = fitted(X_M, noisy(seed)), fitted(X_M[shuffled], noisy(seed)[shuffled])
+    np.testing.assert_allclose(other.coefficients, found.coefficients, rtol=1e-8, atol=1e-12)
+    assert (other.x_min_m, other.x_max_m) == (found.x_min_m, found.x_max_m)
+
+
+def test_the_extent_is_that_of_the_points():
+    found = fitted(np.array([30.0, 7.0, 81.0, 12.0]), np.zeros(4), order=1)
+    assert (found.x_min_m, found.x_max_m, found.points) == (7.0, 81.0, 4)
+
+
+@pytest.mark.parametrize("weighting", ["uniform", "sigma", "range"])
+def test_the_covariance_is_the_scatter_of_many_fits(weighting):
+    x, random = np.linspace(5.0, 80.0, 60), np.random.default_rng(3)
+    sigma = np.full(60, 0.05) if weighting == "uniform" else 0.02 * np.hypot(5.0, x) / 5.0
+    fits = [
+        fitted(x, polynomial(CUBIC, x) + sigma * random.standard_normal(60), sigma=sigma, weighting=weighting)
+        for _ in range(3000)
+    ]
+    scatter = np.cov(np.array([found.coefficients for found in fits]).T)
+    stated = np.mean([found.covariance for found in fits], axis=0)
+    std = np.sqrt(np.diag(stated))
+    # 3000 fits know a variance to sqrt(2 / 3000) = 2.6 %: four times that
+    np.testing.assert_allclose(scatter / np.outer(std, std), stated / np.outer(std, std), atol=0.105)
+    for at in (5.0, 40.0, 80.0):
+        y = [found.y_at(at) for found in fits]
+        assert np.std(y) == pytest.approx(np.mean([found.std_at(at) for found in fits]), rel=0.055)
+
+
+# --- too little to fit ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("distinct", [2, 3, 4, 5])
+@pytest.mark.parametrize("repeats", [1, 4])
+def test_too_few_distinct_points_lower_the_order(distinct, repeats):
+    x = np.repeat(np.linspace(5.0, 50.0, distinct), repeats)
+    found = fitted(x, polynomial(CUBIC, x), order=3)
+    assert len(found.coefficients) == min(distinct, 4)
+    np.testing.assert_allclose([found.y_at(at) for at in x], polynomial(CUBIC, x), atol=1e-12)
+
+
+def test_points_at_one_x_are_no_line():
+    assert fitted(np.full(20, 7.0), np.linspace(0.0, 1.0, 20)) is None
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_no_point_and_a_single_point_are_no_line(count):
+    assert fitted(np.full(count, 7.0), np.zeros(count)) is None
+
+
+def test_fewer_points_than_the_minimum_are_no_line():
+    x = np.linspace(5.0, 50.0, 12)
+    assert fitted(x[:11], x[:11], min_points=12) is None
+    assert fitted(x, x, min_points=12) is not None
+
+
+def test_a_line_shorter_than_the_minimum_is_no_line():
+    x = np.linspace(5.0, 8.0, 31)
+    assert fitted(x, x, min_length_m=3.01) is None
+    assert fitted(x, x, min_length_m=3.0) is not None
+
+
+def test_as_many_points_as_coefficients_leave_the_covariance_unknown():
+    x = np.array([5.0, 20.0, 40.0, 60.0])
+    found = fitted(x, polynomial(CUBIC, x))
+    np.testing.assert_allclose(found.coefficients, CUBIC, rtol=1e-9)
+    assert np.isnan(found.covariance).all()
+    assert np.isnan(found.residual_std_m)
+    assert np.isnan(found.std_at(20.0))
+
+
+def test_points_without_a_finite_place_are_left_out():
+    y = polynomial(CUBIC, X_M)
+    x, y = X_M.copy(), y.copy()
+    x[3], y[40], y[50], y[60] = np.nan, np.nan, np.inf, -np.inf
+    found = fitted(x, y)
+    assert found.points == len(X_M) - 4
+    np.testing.assert_allclose(found.coefficients, CUBIC, rtol=1e-9)
+
+
+@given(
+    st.lists(st.tuples(st.floats(-20, 250), st.floats(-20, 20)), max_size=30),
+    st.integers(1, 9),
+    st.sampled_from(["uniform", "sigma", "range"]),
+)
+def test_any_points_give_a_line_through_finite_numbers_or_none_and_no_warning(points, order, weighting):
+    x = np.array([at for at, _ in points])
+    y = np.array([at for _, at in points])
+    found = fitted(x, y, sigma=np.full(len(x), 0.02), order=order, weighting=weighting)
+    if found is None:
+        assert len(x) < 2 or np.ptp(x) < 1e-5
+    else:
+        assert np.isfinite(found.coefficients).all()
+        assert 2 <= len(found.coefficients) <= min(order + 1, len(np.unique(x)))
+
+
+# --- all lines of an image --------------------------------------------------------------------------
+
+
+def test_every_line_is_fitted_on_its_own_and_a_line_without_points_is_none():
+    y = polynomial(CUBIC, X_M)
+    lines = line_points((X_M, y), (X_M[:0], y[:0]), (X_M, y - 3.5), (X_M[:5], y[:5]))
+    first, second, third, fourth = fit_lines(LaneFitConfig(), lines, np.zeros(len(lines.points_ego_m)))
+    np.testing.assert_allclose(first.coefficients, CUBIC, rtol=1e-9)
+    np.testing.assert_allclose(third.coefficients, CUBIC - [3.5, 0, 0, 0], rtol=1e-9)
+    assert second is None
+    assert fourth is None
+    assert fit_lines(LaneFitConfig(), line_points(), np.zeros(0)) == ()
+
+
+def test_what_a_fit_returns_cannot_be_changed():
+    found = fitted(X_M, polynomial(CUBIC, X_M))
+    for array in (found.coefficients, found.covariance):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0.0
