@@ -30,6 +30,8 @@ TRUTH, SEEN, HIDDEN, BOX = "#555555", "#009E73", "#CC79A7", "#999999"
 _NEAR_M = 0.3  # boxes are cut this far in front of the camera, where the projection runs away
 _FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
 _SHOWN_ERROR_M = (20, 50)
+_BESIDE_M = 4.0  # about a lane
+_SKY_PX = 60.0  # of the view above the highest thing drawn
 
 
 class PictureSink:
@@ -70,7 +72,7 @@ def plot_output(camera: Camera, output: Output, path: Path, trace: Trace | None 
     cannot be written.
     """
     has_view = camera.config.model != "none"
-    heights = [1.0, *([1.25] if has_view else []), *([0.75] if trace is not None else [])]
+    heights = [1.0, *([1.0] if has_view else []), *([0.75] if trace is not None else [])]
     figure = _figure_class()(figsize=(9.0, 3.2 * sum(heights)), layout="constrained")
     panels = figure.subplots(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0].tolist()
     draw_from_above(panels.pop(0), output)
@@ -103,6 +105,7 @@ def draw_from_above(axes: Any, output: Output) -> None:
         corners = relative_to(frame, _corners_world(obstacle))[[0, 2, 6, 4], :2]
         if corners[:, 0].max() > -5.0 and corners[:, 0].min() < reach_m:
             axes.fill(*corners.T, facecolor=BOX, edgecolor="black", lw=0.7, alpha=0.8)
+    _show_own_carriageway(axes, output)
     axes.set(xlim=(-5.0, reach_m), xlabel="x ahead of the rear axle (m)", ylabel="y to the left (m)")
     axes.set_title(f"Lanes from above, t = {output.tick.t_ns / 1e9:.2f} s (y stretched)", fontsize=10)
     _legend(axes)
@@ -124,9 +127,10 @@ def draw_camera_view(axes: Any, camera: Camera, output: Output) -> None:
         pixels = project(camera, transform(pose, _on_road(output, boundary)))
         axes.plot(*pixels.T, color=SIDE_COLOURS[boundary.side], lw=1.2, label=_label(boundary), zorder=4)
     width, height = camera.config.width_px, camera.config.height_px
-    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xlabel="u (px)", ylabel="v (px)")
+    top = min(float(axes.dataLim.y0), camera.cy_px) - _SKY_PX
+    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, max(-0.5, top)), xlabel="u (px)", ylabel="v (px)")
     axes.set_aspect("equal")
-    axes.set_title("The camera's view", fontsize=10)
+    axes.set_title("The camera's view, without the upper part", fontsize=10)
     _legend(axes)
 
 
@@ -142,6 +146,16 @@ def draw_errors(axes: Any, trace: Trace, moment_s: float) -> None:
     axes.set(xlabel="time (s)", ylabel="lateral error (m)")
     axes.set_title("Reported minus true place", fontsize=10)
     _legend(axes)
+
+
+def _show_own_carriageway(axes: Any, output: Output) -> None:
+    """Cut y to what was reported and a lane's width beside it, if anything was."""
+    ends = [
+        _y(boundary, np.array([boundary.x_min_m, boundary.x_max_m]))
+        for boundary in output.estimate.boundaries
+    ]
+    if ends:
+        axes.set_ylim(float(np.min(ends)) - _BESIDE_M, float(np.max(ends)) + _BESIDE_M)
 
 
 def _draw_boxes(axes: Any, camera: Camera, pose: Rigid, output: Output) -> None:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, fields
 from operator import attrgetter
 from typing import BinaryIO, TextIO
 
-from vsensor.types import SIDE_NAMES, MarkingKind, Side
+from vsensor.types import SIDE_NAMES, MarkingKind, SensorMode, Side
 
 REDRAW_S = 0.1
 QUIETER_BY = 10  # niceness: the table gives way to the cycle
@@ -77,9 +77,6 @@ def unpacked(record: bytes) -> TableRow:
     return TableRow(tick, t_ns, lateness_ns, lateness_max_ns, speed_mps, state, dropped, frames, known)
 
 
-STATE_NAMES = ("init", "calibrating", "available", "degraded", "blocked", "failed")
-
-
 def format_table(row: TableRow) -> str:
     """Return the table as text, one line per line of the road; no terminal codes."""
     lateness = f"lateness {row.lateness_ns / 1e3:7.0f} us, at most {row.lateness_max_ns / 1e3:.0f} us"
@@ -97,8 +94,8 @@ _LEFT_TO_RIGHT = (Side.NEXT_LEFT, Side.LEFT, Side.RIGHT, Side.NEXT_RIGHT)
 
 
 def _state(row: TableRow) -> str:
-    known = row.sensor_state == row.sensor_state and 0 <= row.sensor_state < len(STATE_NAMES)
-    return STATE_NAMES[int(row.sensor_state)] if known else ""
+    known = row.sensor_state in set(SensorMode)
+    return SensorMode(int(row.sensor_state)).name.lower() if known else ""
 
 
 def _line_text(name: str, line: TableLine | None) -> str:
