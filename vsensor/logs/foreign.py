@@ -154,10 +154,14 @@ def read_trc(stream: TextIO, notes: Notes) -> Iterator[Columns]:
     return _columns(_records(reader, lines, record, _trc_line, notes))
 
 
+_TRC_EVENTS = frozenset(("FFFFFFFF", "Warng", "Error", "ST", "ER", "EC", "EV"))
+"""What marks a line of bus states, error counters or user events, from version 1.0 to 2.1."""
+
+
 def _trc_line(text: str) -> str:
     if text.startswith(";"):
         return "header"
-    return "event" if len(text.split()) >= 4 and text[0].isdigit() else "garbage"
+    return "event" if _TRC_EVENTS.intersection(text.split()[:5]) else "garbage"
 
 
 def read_csv(stream: TextIO, notes: Notes) -> Iterator[Columns]:

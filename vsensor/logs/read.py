@@ -22,7 +22,11 @@ def _as_text(read: Callable[[io.TextIOWrapper, Notes], Iterator[Columns]]) -> Re
     """Return a reader of bytes; Latin-1 decodes any byte, and only names and months are not ASCII."""
 
     def reader(stream: BinaryIO, notes: Notes) -> Iterator[Columns]:
-        return read(io.TextIOWrapper(stream, encoding="latin-1"), notes)
+        text = io.TextIOWrapper(stream, encoding="latin-1")
+        try:
+            yield from read(text, notes)
+        finally:
+            text.detach()  # who opened the stream closes it
 
     return reader
 

@@ -1,26 +1,22 @@
 """Writes CAN logs: the format follows from the suffix; times are integer nanoseconds since 1970.
 
-Text formats are written here, exact to the nanosecond (.log) and microsecond (.asc); BLF by
-python-can; MF4 by asammdf at close, since it writes in bulk 100 times faster than frame by frame.
+Text and BLF are written here, exact to the nanosecond (.log, .blf) and microsecond (.asc); MF4 by
+asammdf at close, since it writes in bulk 100 times faster than frame by frame.
 """
 
-import logging
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Protocol
 
-import can
 import numpy as np
 
 from vsensor.errors import LogError
+from vsensor.logs.blf import FD_DLC
+from vsensor.logs.blf_write import BlfOutput
 from vsensor.logs.mf4 import require_asammdf, write_mf4
 from vsensor.logs.table import Flag, LogTable, Record, columns_from
 from vsensor.types import Frame
-
-logging.getLogger("can.io").addHandler(logging.NullHandler())
-
-_FD_DLC = {length: dlc for dlc, length in enumerate((0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64))}
 
 
 class _Format(Protocol):
@@ -181,7 +177,7 @@ class _Asc:
             bits = 0x1000 | brs << 13 | esi << 14
             head = f"CANFD {channel:3d} {direction:<4} {identifier:>8}  {'':32} {brs} {esi}"
             tail = f"{0:8d} {0:4d} {bits:8X} {0:8d} {0:8d} {0:8d} {0:8d} {0:8d}"
-            return f"{head} {_FD_DLC[len(record.data)]:x} {len(record.data):2d} {data} {tail}"
+            return f"{head} {FD_DLC[len(record.data)]:x} {len(record.data):2d} {data} {tail}"
         kind = f"r {len(record.data):x}" if flags & Flag.REMOTE else f"d {len(record.data):x} {data}"
         return f"{channel}  {identifier:<15} {direction:<4} {kind}"
 
@@ -194,29 +190,14 @@ class _Asc:
 
 class _Blf:
     def __init__(self, path: Path, channels: tuple[str, ...]) -> None:
-        self._writer = can.BLFWriter(path)
+        self._output = BlfOutput(path)
         self._channels = channels
 
     def write(self, record: Record) -> None:
-        flags = record.flags
-        message = can.Message(
-            timestamp=record.t_ns / 1e9,
-            arbitration_id=record.arbitration_id,
-            is_extended_id=bool(flags & Flag.EXTENDED),
-            is_remote_frame=bool(flags & Flag.REMOTE),
-            is_error_frame=bool(flags & Flag.ERROR),
-            channel=_number(self._channels, record.channel) - 1,
-            dlc=len(record.data),
-            data=None if flags & (Flag.REMOTE | Flag.ERROR) else record.data,
-            is_fd=bool(flags & Flag.FD),
-            is_rx=not flags & Flag.TRANSMITTED,
-            bitrate_switch=bool(flags & Flag.BITRATE_SWITCH),
-            error_state_indicator=bool(flags & Flag.ERROR_STATE),
-        )
-        self._writer.on_message_received(message)
+        self._output.write(record, _number(self._channels, record.channel))
 
     def close(self) -> None:
-        self._writer.stop()
+        self._output.close()
 
 
 class _Mf4:
