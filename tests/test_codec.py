@@ -82,9 +82,9 @@ def placed_signals(draw):
     sign = draw(st.sampled_from("+-"))
     first = draw(st.integers(0, 8 * length - bits))
     if draw(st.booleans()):  # little-endian: the start bit is the lowest
-        return f"S : {first}|{bits}@1{sign} (0.5,-3) [0|0] \"\"", length
+        return f'S : {first}|{bits}@1{sign} (0.5,-3) [0|0] ""', length
     start = 8 * (first // 8) + 7 - first % 8  # big-endian: the start bit is the highest
-    return f"S : {start}|{bits}@0{sign} (0.5,-3) [0|0] \"\"", length
+    return f'S : {start}|{bits}@0{sign} (0.5,-3) [0|0] ""', length
 
 
 @settings(max_examples=150, deadline=None)
@@ -209,11 +209,18 @@ def test_a_signal_outside_its_message_is_refused(tmp_path):
         layout_of(tmp_path, 'S : 60|8@1+ (1,0) [0|0] ""')
 
 
+def refusal(path):
+    """Return what a database is refused with, None if it is read."""
+    try:
+        load_database(path)
+    except DbcError as error:
+        return str(error)
+    return None
+
+
 @pytest.mark.parametrize("cut", range(0, 4000, 137))
 def test_a_database_cut_off_anywhere_is_read_or_refused_by_name(tmp_path, cut):
     path = tmp_path / "cut.dbc"
     path.write_text(OWN[0].read_text()[:cut])
-    try:
-        load_database(path)
-    except DbcError as error:
-        assert str(path) in str(error)
+    said = refusal(path)
+    assert said is None or said.startswith(f"{path}: ")

@@ -213,5 +213,5 @@ def test_the_models_own_geometry_costs_nothing():
 
 
 def test_an_origin_at_a_camera_that_is_not_there_is_an_error():
-    with pytest.raises(ConfigError, match="no camera here; give geometry.origin_x_m"):
+    with pytest.raises(ConfigError, match=r"no camera here; give geometry\.origin_x_m"):
         to_bus(GeometryConfig(origin="camera"), VEHICLE, values(four_lines()))
