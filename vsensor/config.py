@@ -27,14 +27,14 @@ SHIPPED = Path(__file__).parent / "scenarios"
 DEFAULT_SCENARIO = "highway"
 
 
-class BusConfig(Config):
+class BusConfig(Config, frozen=True, kw_only=True):
     """`[output]`: the profile that the frames follow, and the database it maps (shipped ones need none)."""
 
     profile: str = "native"
     dbc: str | None = None
 
 
-class ScenarioConfig(Config):
+class ScenarioConfig(Config, frozen=True, kw_only=True):
     """A scenario: where the truth comes from, the sensor, and what goes out."""
 
     source: str

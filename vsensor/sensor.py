@@ -28,7 +28,7 @@ def no_lap(stage: str) -> None:
     """Measure nothing."""
 
 
-class SensorConfig(Config):
+class SensorConfig(Config, frozen=True, kw_only=True):
     """The sections of a scenario that make up the sensor."""
 
     camera: CameraConfig = CameraConfig()

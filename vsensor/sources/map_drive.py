@@ -1,7 +1,7 @@
 """A drive along a lane of a map, with traffic as boxes beside and ahead."""
 
 from dataclasses import dataclass
-from math import atan2, cos, hypot, inf, sin
+from math import atan2, floor, hypot, inf
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -31,8 +31,11 @@ VEHICLE_SIZES_M = {
 VIEW_M = 250.0  # markings are given up to here ahead; no lane camera reports farther
 BEHIND_M = 20.0
 
+OFFSETS_KEPT = 8192
+OFFSET_STEP_M = 10.0
 
-class EgoConfig(Config):
+
+class EgoConfig(Config, frozen=True, kw_only=True):
     """`[ego]`: where the drive starts, how fast, and how far to the left of the lane's centre."""
 
     road: str = "auto"
@@ -54,7 +57,7 @@ class EgoConfig(Config):
         )
 
 
-class TrafficConfig(Config):
+class TrafficConfig(Config, frozen=True, kw_only=True):
     """`[[traffic]]`: a vehicle on a lane beside the ego's, as a box.
 
     Without `speed_kmh` it keeps `ahead_m` (from the ego's rear axle to the vehicle's centre); with it,
@@ -70,7 +73,7 @@ class TrafficConfig(Config):
     offset_m: float = 0.0
 
 
-class EnvironmentConfig(Config):
+class EnvironmentConfig(Config, frozen=True, kw_only=True):
     """`[environment]`: light and rain (0 dry to 1 heaviest)."""
 
     light: Literal["day", "dusk", "night"] = "day"
@@ -124,6 +127,7 @@ class MapDrive:
             raise ConfigError("ego.offset_m: at most 20 m to either side were expected")
         self._vehicles = tuple(_vehicle(config, number) for number, config in enumerate(traffic))
         self._environment = environment if environment is not None else Environment()
+        self._lane_offsets: dict[tuple[int, int], float] = {}
 
     @classmethod
     def load(
@@ -218,20 +222,12 @@ class MapDrive:
                 near.append((number, vehicle, s_m))
         if not near:
             return ()
-        offsets = [vehicle.offset_m + self._lane_offset(vehicle, s_m) for _, vehicle, s_m in near]
+        offsets = [vehicle.offset_m + self._lane_offset(vehicle.lanes_left, s_m) for _, vehicle, s_m in near]
         poses = self.corridor.poses(np.array([s_m for *_, s_m in near]), np.array(offsets))
         boxes = []
         for row, (number, vehicle, _) in enumerate(near):
-            roll, pitch, yaw = (
-                float(angle[row]) for angle in (poses.roll_rad, poses.pitch_rad, poses.yaw_rad)
-            )
-            up = np.array(
-                [
-                    cos(yaw) * sin(pitch) * cos(roll) + sin(yaw) * sin(roll),
-                    sin(yaw) * sin(pitch) * cos(roll) - cos(yaw) * sin(roll),
-                    cos(pitch) * cos(roll),
-                ]
-            )
+            roll, pitch, yaw = _angles(poses, row)
+            up = rotation_from_rpy(roll, pitch, yaw)[:, 2]
             boxes.append(
                 Obstacle(
                     id=number,
@@ -244,23 +240,38 @@ class MapDrive:
             )
         return tuple(boxes)
 
-    def _lane_offset(self, vehicle: _Vehicle, s_m: float) -> float:
-        """Return the offset of the vehicle's lane; without such a lane it keeps where one would be."""
-        if vehicle.lanes_left == 0:
+    def _lane_offset(self, lanes_left: int, s_m: float) -> float:
+        """Return the offset of a lane beside, linear between places 10 m apart: asking the map costs 0.4 ms."""
+        if lanes_left == 0:
             return 0.0
-        beside = self.corridor.lane_beside(s_m, vehicle.lanes_left)
-        if beside is not None:
-            return float(beside.offset_m[0])
-        return vehicle.lanes_left * self.corridor.lane_width(s_m)
+        place = floor(s_m / OFFSET_STEP_M)
+        here, there = self._lane_offset_at(lanes_left, place), self._lane_offset_at(lanes_left, place + 1)
+        return here + (s_m / OFFSET_STEP_M - place) * (there - here)
+
+    def _lane_offset_at(self, lanes_left: int, place: int) -> float:
+        """Return the offset of a lane; where there is none it is where one would be."""
+        key = (lanes_left, place)
+        if key not in self._lane_offsets:
+            if len(self._lane_offsets) >= OFFSETS_KEPT:
+                self._lane_offsets.clear()
+            s_m = place * OFFSET_STEP_M
+            beside = self.corridor.lane_beside(s_m, lanes_left)
+            wanted = lanes_left * self.corridor.lane_width(s_m)
+            self._lane_offsets[key] = wanted if beside is None else float(beside.offset_m[0])
+        return self._lane_offsets[key]
 
 
 def _turned(poses: Poses, turn_rad: float) -> tuple[float, float, float]:
     """Return roll, pitch, yaw of the first pose, turned about the road's normal."""
-    angles = (float(poses.roll_rad[0]), float(poses.pitch_rad[0]), float(poses.yaw_rad[0]))
+    angles = _angles(poses, 0)
     if turn_rad == 0.0:
         return angles
     rotation: Array = rotation_from_rpy(*angles) @ rotation_from_rpy(0.0, 0.0, turn_rad)
     return rpy_from_rotation(rotation)
+
+
+def _angles(poses: Poses, row: int) -> tuple[float, float, float]:
+    return float(poses.roll_rad[row]), float(poses.pitch_rad[row]), float(poses.yaw_rad[row])
 
 
 def _vehicle(config: TrafficConfig, number: int) -> _Vehicle:
