@@ -54,6 +54,11 @@ def test_points_beyond_the_range_are_dropped_and_the_last_one_within_stays():
     np.testing.assert_array_equal(points_of(found.lines, 2)[:, 1], X[:5])
 
 
+def test_a_point_just_at_the_range_is_reported():
+    found = limit(TABLE, observation((X, 0 * X)), 0.0, 0)
+    assert found.lines.points_ego_m[-1, 0] == found.operating_range_m == 30.0
+
+
 def test_what_belongs_to_a_point_goes_with_it():
     seen = observation((X, 0 * X), (X, 1 + 0 * X))
     found = limit(TABLE, seen, 20.0, 7)

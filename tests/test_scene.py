@@ -98,6 +98,12 @@ def test_a_joint_that_steps_back_a_millimetre_does_not_end_the_line():
     assert (np.diff(points[:, 0]) > 0).all()
 
 
+def test_a_step_back_of_two_centimetres_ends_the_line():
+    x = np.concatenate([np.arange(0.0, 50.0, 0.1), np.arange(49.88, 90.0, 0.1)])
+    _, (points,) = lines_near([marking(np.column_stack([x, np.full(len(x), 1.75)]))])
+    assert points[-1, 0] == pytest.approx(49.9)
+
+
 def test_repeated_points_are_dropped():
     x = np.repeat(np.arange(0.0, 50.0, 0.1), 2)
     _, (points,) = lines_near([marking(np.column_stack([x, np.full(len(x), 1.75)]))])

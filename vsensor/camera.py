@@ -231,11 +231,6 @@ def _lines(
     line = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
     if ((points[0, 1:] <= points[0, :-1]) & (line[1:] == line[:-1])).any():
         order = np.lexsort((points[0], line))
-        rises = np.ones(len(order), dtype=bool)
-        x, line = points[0, order], line[order]
-        rises[1:] = (x[1:] > x[:-1]) | (line[1:] != line[:-1])
-        order = order[rises]
-        starts = line[rises].searchsorted(np.arange(len(starts)))
         index, points, sigma_y_m = index[order], points[:, order], sigma_y_m[order]
     for array in (starts, index, points):
         array.flags.writeable = False
