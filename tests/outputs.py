@@ -1,7 +1,7 @@
 """Outputs made by hand for the tests of what scores and shows them: lines y(x), seen and reported at will."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -55,7 +55,7 @@ class Drawn:
     measured: bool = True
     quality: int = 4
     against: bool = False  # drawn against the driving direction
-    extra: dict = field(default_factory=dict)
+    joint: int | None = None  # number of a point that is there twice, as at the joints of real maps
 
 
 def ego_at(x=0.0, y=0.0, yaw=0.0, speed=30.0, t_ns=0):
@@ -67,6 +67,8 @@ def ego_at(x=0.0, y=0.0, yaw=0.0, speed=30.0, t_ns=0):
 def marking_of(number, line, ego):
     """Return the world marking of a drawn line."""
     x = np.arange(round(10 * line.x_range_m[0]), round(10 * line.x_range_m[1]) + 1) / 10
+    if line.joint is not None:
+        x = np.insert(x, line.joint, x[line.joint])
     points = np.column_stack([x, line.y(x), np.zeros_like(x)])
     painted = ~line.unpainted(points)
     if line.against:

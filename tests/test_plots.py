@@ -106,6 +106,17 @@ def test_in_the_view_a_left_line_is_left_and_below_the_horizon():
     assert (v > CAMERA.cy_px).all()
 
 
+def test_in_the_view_a_nose_that_dips_moves_the_road_up():
+    level, dipped = (
+        output_of(four_lines()),
+        output_of(four_lines(), ego=replace(ego_at(), body_pitch_rad=0.02)),
+    )
+    far = [
+        drawn_line(axes_of(plots.draw_camera_view, CAMERA, o), "reported left")[-1] for o in (level, dipped)
+    ]
+    assert far[0][1] - far[1][1] == pytest.approx(CAMERA.fy_px * 0.02, rel=0.03)  # near the image's centre
+
+
 def test_in_the_view_seen_and_hidden_paint_are_told_apart():
     assert {"paint seen", "paint hidden by a vehicle"} <= labels(
         axes_of(plots.draw_camera_view, CAMERA, bend())

@@ -81,7 +81,7 @@ def plot_output(camera: Camera, output: Output, path: Path, trace: Trace | None 
     if trace is not None:
         draw_errors(panels.pop(0), trace, output.tick.t_ns / 1e9)
     try:
-        figure.savefig(path, dpi=130)
+        figure.savefig(path, dpi=130, bbox_inches="tight")
     except (OSError, ValueError) as error:
         raise ConfigError(f"{path}: picture cannot be written: {error}") from None
 

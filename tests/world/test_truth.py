@@ -93,6 +93,16 @@ def test_the_cubic_uses_just_the_points_that_the_fit_used():
     )
 
 
+@pytest.mark.parametrize("against", [False, True])
+def test_a_joint_with_a_double_point_does_not_shift_the_points_that_the_cubic_uses(against):
+    line = Drawn(y=circle(1.8, 600.0), reported=Side.LEFT, unseen=lambda p: p[:, 0] > 40.0, against=against)
+    plain = line_truths(output_of([line]), AXLE_M)[Side.LEFT]
+    output = output_of([replace(line, joint=150)])
+    assert np.abs(np.diff(output.observation.candidates.index)).max() == 2  # the scene left one out
+    jointed = line_truths(output, AXLE_M)[Side.LEFT]
+    np.testing.assert_allclose(jointed.coefficients, plain.coefficients, rtol=1e-9, atol=1e-12)
+
+
 def test_the_cubic_of_a_cubic_is_itself():
     x = np.linspace(3.0, 97.0, 941)
     expected = [1.7, -0.02, 4e-4, -2e-6]
@@ -147,6 +157,11 @@ def test_a_border_without_any_paint_is_no_true_line():
     assert line_truths(output_of(lines), AXLE_M)[Side.LEFT].y_m[0] == pytest.approx(5.5)
 
 
+def test_paint_behind_the_vehicle_makes_no_true_line():
+    line = Drawn(y=straight(1.8), unpainted=lambda p: p[:, 0] > -0.05)
+    assert line_truths(output_of([line]), AXLE_M) == {}
+
+
 def test_no_lines_have_no_truth():
     assert line_truths(output_of([]), AXLE_M) == {}
 
@@ -163,6 +178,11 @@ def test_a_report_without_any_true_line_is_there_without_truth():
 def test_the_reason_is_what_befell_most_painted_points(reason):
     line = Drawn(y=straight(1.8), unseen=lambda p: p[:, 0] > -99, reason=reason)
     assert line_truths(output_of([line]), AXLE_M)[Side.LEFT].reason_unseen is reason
+
+
+def test_the_gaps_of_a_dashed_line_are_no_reason_while_its_paint_is_hidden():
+    line = Drawn(y=straight(1.8), unseen=lambda p: p[:, 0] > -99, unpainted=lambda p: p[:, 0] % 18 > 6)
+    assert line_truths(output_of([line]), AXLE_M)[Side.LEFT].reason_unseen is Unseen.OCCLUDED
 
 
 def test_the_reason_of_a_measured_line_is_seen():
