@@ -111,6 +111,12 @@ def test_more_range_of_the_same_line_never_lowers_the_quality():
     assert found[-1] == 4
 
 
+def test_a_line_that_is_well_known_at_20_m_may_be_uncertain_at_its_far_end():
+    growing = dataclasses.replace(line(), covariance=frozen([[0.0, 0.0], [0.0, 0.004**2]]))
+    assert (growing.std_at(20.0), growing.std_at(80.0)) == pytest.approx((0.08, 0.32))
+    assert rate(CONFIG, growing, X_M, Environment()) == 4
+
+
 def test_what_is_not_known_about_a_line_counts_as_poor():
     assert quality(std_m=np.nan) == 1
     assert quality(residual_std_m=np.nan) == 1

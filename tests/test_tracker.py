@@ -108,6 +108,19 @@ def test_in_a_bend_a_line_seen_only_far_ahead_is_placed_beside_one_seen_near_and
     assert sides(bend, far_left, far_right) == {RIGHT: 0, LEFT: 1, NEXT_RIGHT: 2}
 
 
+def test_a_line_far_ahead_is_placed_beside_the_nearest_of_the_lines_seen_there():
+    ramp = line(-5.3, 0.0, -1.0 / 500.0)  # leaves the straight road to the right: 5 m at 50 m
+    assert sides(ramp, line(-1.8), line(-5.3, x_min_m=50.0, x_max_m=75.0)) == {
+        RIGHT: 1,
+        NEXT_RIGHT: 0,
+    }
+    assert sides(ramp, line(-1.8), line(1.7, x_min_m=50.0, x_max_m=75.0)) == {
+        LEFT: 2,
+        RIGHT: 1,
+        NEXT_RIGHT: 0,
+    }
+
+
 def test_in_a_bend_lines_seen_only_far_ahead_are_placed_beside_the_driven_path():
     # y is read at 50 m, where this bend has both lines on the left of the vehicle's x axis
     far = [line(y, 0.0, 1.0 / 500.0, x_min_m=50.0, x_max_m=75.0) for y in (1.7, -1.8)]
@@ -179,10 +192,28 @@ def test_an_unseen_line_is_expected_where_the_vehicle_has_gone_meanwhile():
     def at(index):
         return line(1.5 - 0.12 * index, -0.1)
 
-    found, changes, _ = drive([(at(0),), *[()] * 11, (at(12),)], speed_mps=30.0)
-    assert found[-1] == {LEFT: 0}  # 0.06 m, 1.44 m from where it was: beyond the gate without prediction
-    found, changes, _ = drive([(at(0),), *[()] * 11, *[(at(k),) for k in (12, 13, 14, 15)]], speed_mps=30.0)
-    assert changes[-4:] == [0, 0, 0, 1]  # -0.3 m
+    # at 13 it is at -0.06 m, 1.56 m from where it was seen: known (and so still left) only if expected
+    found, changes, _ = drive([(at(0),), *[()] * 12, *[(at(k),) for k in (13, 14, 15)]], speed_mps=30.0)
+    assert found[-3:] == [{LEFT: 0}, {LEFT: 0}, {RIGHT: 0}]
+    assert changes[-3:] == [0, 0, 1]
+
+
+def test_a_line_beyond_the_gate_is_another_line():
+    found, changes, _ = drive([(line(0.9),), (line(-0.9),)])
+    assert found[1] == {RIGHT: 0}
+    assert changes == [0, 0]
+
+
+def test_what_lies_left_of_a_left_line_is_left_even_within_the_hysteresis():
+    config = TrackerConfig(hysteresis_m=1.0)
+    found, changes, _ = drive([(line(-0.1),), (line(0.5),), (line(0.6), line(0.1))], config=config)
+    assert found == [{RIGHT: 0}, {RIGHT: 0}, {LEFT: 1, NEXT_LEFT: 0}]
+    assert changes == [0, 0, -1]
+
+
+def test_a_line_is_remembered_once_however_long_it_is_seen():
+    state = drive([(line(1.7), line(-1.8))] * 10)[2]
+    assert [track.side for track in state.tracks] == [LEFT, RIGHT]
 
 
 def test_a_jump_by_a_whole_lane_is_no_lane_change():
