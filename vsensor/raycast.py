@@ -24,8 +24,12 @@ Method = Literal["auto", "shadow", "embree"]
 FAR_LIMIT = 1.0 - 1e-5
 """Fraction of the segment that is tested: embree's float32 hits the point's own surface from 3e-6 down."""
 
-EMBREE_FROM_BOXES = 60
-"""Boxes in view from which embree, scene building included, beats the shadow test (measured)."""
+EMBREE_FROM_BOXES = 64
+"""Boxes in view from which embree, its scene built anew, beats the shadow test.
+
+Measured with 3600 and 8300 points: 0.41 against 0.51 ms and 0.97 against 1.03 ms at 40 boxes, 0.94
+against 0.87 and 1.58 against 1.37 at 80.
+"""
 
 _MASK_SIZE = 400_000  # box and point pairs in one mask: 0.4 MB
 _NEAR_M = 1e-6  # depth from which tangents are used
