@@ -192,7 +192,7 @@ def _record(message: can.Message, channel: int, t_ns: int) -> Record | None:
     flags |= Flag.ERROR * message.is_error_frame | Flag.REMOTE * message.is_remote_frame
     data = bytes(message.dlc) if message.is_remote_frame else bytes(message.data)
     limit = MAX_EXTENDED_ID if message.is_extended_id else MAX_STANDARD_ID
-    if not 0 <= message.arbitration_id <= limit or len(data) not in FD_LENGTHS:
+    if not 0 <= message.arbitration_id <= limit or len(data) not in FD_LENGTHS or abs(t_ns) >> 62:
         return None
     if len(data) > CLASSIC_BYTES and not message.is_fd:
         return None

@@ -4,6 +4,7 @@ Frames stand in the channel groups CAN_DataFrame, CAN_RemoteFrame and CAN_ErrorF
 logging standard; times are float64 seconds since the file's start time (1e-9 s up to some 90 days).
 """
 
+import logging
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -34,8 +35,13 @@ def read_mf4(stream: BinaryIO, notes: Notes) -> Iterator[Columns]:
     Raises MissingExtraError without asammdf.
     """
     asammdf = require_asammdf()
+    logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # it prints what is raised here anyway
+    if stream.read(3) not in (b"MDF", b"UnF"):
+        notes.fault = 'not an MDF file: it does not begin with "MDF"'
+        return
+    stream.seek(0)
     try:
-        mdf = asammdf.MDF(stream)
+        mdf = asammdf.MDF(stream, process_bus_logging=False)
     except Exception as error:  # asammdf has no exception of its own for a broken file: any type comes
         notes.fault = f"not a readable MDF file: {type(error).__name__}: {error}"
         return

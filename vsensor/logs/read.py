@@ -1,8 +1,6 @@
 """Reads any CAN log: the format follows from the suffix, `.gz` may stand behind it."""
 
-import gzip
 import io
-import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import BinaryIO
@@ -13,6 +11,7 @@ from vsensor.logs.candump import read_candump
 from vsensor.logs.foreign import read_asc, read_csv, read_trc
 from vsensor.logs.mf4 import read_mf4
 from vsensor.logs.table import Columns, LogTable, Notes, frames_of, joined, table_from
+from vsensor.logs.unpack import GzipStream
 from vsensor.types import Frame
 
 Reader = Callable[[BinaryIO, Notes], Iterator[Columns]]
@@ -41,9 +40,6 @@ READERS: dict[str, Reader] = {
 }
 """Suffix -> reader of its frames."""
 
-BROKEN_STREAM = (OSError, EOFError, zlib.error)
-"""What a file system or a cut or damaged gzip file raises while it is read."""
-
 
 def log_format(path: Path) -> str:
     """Return the suffix that says the format, lower case, without `.gz`; raises LogError if unknown."""
@@ -61,17 +57,22 @@ def read_chunks(path: Path, notes: Notes) -> Iterator[Columns]:
     Raises LogError if the file cannot be opened or its format is not known.
     """
     reader = READERS[log_format(path)]
+    packed = path.suffix.lower() == ".gz"
     try:
-        with _opened(path) as stream:
-            yield from reader(stream, notes)
+        raw = GzipStream(path) if packed else path.open("rb")
+        with io.BufferedReader(raw) if isinstance(raw, GzipStream) else raw as stream:
+            whole = io.BytesIO(stream.read()) if packed and reader is read_mf4 else stream
+            yield from reader(whole, notes)
+            if isinstance(raw, GzipStream) and raw.fault is not None:
+                notes.fault = raw.fault
     except FileNotFoundError:
         raise LogError(f"{path}: no such file") from None
     except IsADirectoryError:
         raise LogError(f"{path}: is a folder, a CAN log was expected") from None
     except PermissionError:
         raise LogError(f"{path}: may not be read") from None
-    except BROKEN_STREAM as error:
-        notes.fault = f"{error}" or type(error).__name__
+    except OSError as error:
+        notes.fault = str(error)
 
 
 def read_log(path: Path | str) -> LogTable:
@@ -102,12 +103,3 @@ def iter_frames(path: Path | str, notes: Notes | None = None) -> Iterator[Frame]
         yield from frames_of(columns)
     if empty:
         raise LogError(f"{path}: {found.why_empty()}")
-
-
-def _opened(path: Path) -> BinaryIO:
-    """Open a log, unpacking `.gz`; an .mf4 inside is unpacked in full, since its reader jumps about."""
-    if path.suffix.lower() != ".gz":
-        return path.open("rb")
-    if log_format(path) == ".mf4":
-        return io.BytesIO(gzip.decompress(path.read_bytes()))
-    return gzip.open(path, "rb")  # type: ignore[return-value]
