@@ -45,7 +45,7 @@ def road(
     """Return one road, straight along x unless said otherwise."""
     plan = LINE.format(length=length) if plan is None else plan
     return (
-        f'<road id="{number}" length="{length!r}" junction="-1" {more}><link>{link}</link>'
+        f'<road id="{number}" length="{length!r}" junction="-1"><link>{link}</link>'
         f"<planView>{plan}</planView><elevationProfile>{elevation}</elevationProfile>"
         f"<lateralProfile>{lateral}</lateralProfile><lanes>{offset}{sections}</lanes></road>"
     )

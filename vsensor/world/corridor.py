@@ -21,6 +21,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from vsensor.errors import MapError
 from vsensor.types import Array, IntArray, Marking
 from vsensor.world.borders import border_lines
 from vsensor.world.chains import Chains
@@ -89,7 +90,7 @@ class Corridor:
     """
 
     def __init__(self, road_map: RoadMap, config: CorridorConfig | None = None) -> None:
-        """Find the start; nothing is sampled yet."""
+        """Find the start; nothing is sampled yet. Raises MapError, also if there is nothing ahead of it."""
         self.road_map = road_map
         self.config = config or CorridorConfig()
         self._route = Route(road_map, self.config)
@@ -99,6 +100,11 @@ class Corridor:
         self._strips: OrderedDict[int, Strip] = OrderedDict()
         self._tables: OrderedDict[int, LaneTable] = OrderedDict()
         self._pages: OrderedDict[tuple[int, int], Page] = OrderedDict()
+        if not self.reaches(1e-6):
+            start = self.start
+            raise MapError(
+                f"{road_map.path}: road {start.road_id} lane {start.lane_id}: nothing to drive on after the start"
+            )
 
     @property
     def start(self) -> Place:

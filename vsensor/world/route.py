@@ -15,6 +15,8 @@ from vsensor.world.opendrive.road import RoadMap
 PIECE_M = 200.0
 SHORTEST_M = 1e-6
 MOST_EMPTY_SECTIONS = 1000
+LONGEST_PER_S = 20.0
+"""A lane's middle that is longer than so many times its road is a slip in some polynomial."""
 
 DRIVABLE = {
     *("driving", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "slipLane", "bidirectional"),
@@ -70,7 +72,13 @@ class Route:
         """Return the piece, the same object on every lap."""
         key = (place, s_from_m, s_to_m)
         if key not in self._pieces:
-            self._pieces[key] = LanePiece(self._map.roads[place.road_id], place, s_from_m, s_to_m)
+            piece = LanePiece(self._map.roads[place.road_id], place, s_from_m, s_to_m)
+            if not piece.length_m <= LONGEST_PER_S * max(abs(s_to_m - s_from_m), 1.0):
+                raise MapError(
+                    f"{self._map.path}: road {place.road_id} lane {place.lane_id}: {piece.length_m:.3g} m long "
+                    f"from s = {s_from_m:g} to {s_to_m:g}: its width, offset or elevation cannot be meant"
+                )
+            self._pieces[key] = piece
         return self._pieces[key]
 
     def _choose(self, ways: tuple[Place, ...]) -> Place | None:

@@ -1,0 +1,171 @@
+"""Refusals of broken maps: one line that names file, line, element, attribute."""
+
+import random
+import re
+
+import numpy as np
+import pytest
+
+from tests.maps import REAL_MAPS, document, geometry, lane, loaded, road, section
+from tests.shared import SHARED_DATA, needs_shared
+from vsensor.errors import MapError
+from vsensor.world.corridor import Corridor
+from vsensor.world.opendrive import load_map
+
+ARC = geometry('<arc curvature="0.01"/>', 100.0)
+
+
+def refusal(tmp_path, text):
+    """Return the message with which a map text is refused."""
+    path = tmp_path / "map.xodr"
+    path.write_text(text)
+    with pytest.raises(MapError) as caught:
+        load_map(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}:")
+    assert "\n" not in message
+    return message.removeprefix(f"{path}:")
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "1e999", "1e12", "abc", "1_0", "0x10"])
+def test_a_number_that_is_none_is_refused_by_name(tmp_path, value):
+    message = refusal(tmp_path, document(road(ARC.replace("0.01", value))))
+    assert re.search(rf'<arc>: curvature="{re.escape(value)}": a finite number', message)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "right", "says"),
+    [
+        ('hdg="0.0"', "", "<geometry>: attribute hdg is missing"),
+        ('length="100.0"><arc', 'length="-1"><arc', '<geometry>: length="-1": at least 0'),
+        ("<arc", "<circle", "<geometry>: no line, arc, spiral"),
+        ('curvature="0.01"', 'curvature="500"', "<arc>: curvature"),
+        ('id="-1"', 'id="-1.5"', '<lane>: id="-1.5": an integer'),
+        ('id="-1"', 'id="1"', '<lane>: id="1" inside <right>'),
+        ("planView", "plan", "<road>: no <planView>"),
+        ("laneSection", "sectionLane", "<lanes>: no <laneSection>"),
+        ('a="3.5"', "", "<width>: attribute a is missing"),
+        ('length="100.0" junction', 'length="0" junction', "<road>: length"),
+        ('junction="-1"', 'rule="MHT"', "<road>: rule"),
+        ('revMajor="1"', 'revMajor="2"', "<header>: OpenDRIVE 2.7"),
+    ],
+)
+def test_a_broken_element_is_refused_by_name(tmp_path, wrong, right, says):
+    text = document(road(ARC))
+    assert wrong in text
+    assert says in refusal(tmp_path, text.replace(wrong, right))
+
+
+def test_the_line_of_the_element_is_named(tmp_path):
+    text = document(road(ARC)).replace("<planView>", "\n\n<planView>\n").replace("0.01", "x")
+    assert refusal(tmp_path, text).startswith("4: <arc>")
+
+
+def test_a_map_without_roads_is_refused(tmp_path):
+    assert "no <road>" in refusal(tmp_path, document())
+
+
+def test_two_roads_of_one_id_are_refused(tmp_path):
+    assert 'id="1" is used by two roads' in refusal(tmp_path, document(road(), road()))
+
+
+def test_a_lane_given_twice_is_refused(tmp_path):
+    assert "each id once" in refusal(tmp_path, document(road(sections=section(right=[lane(-1), lane(-1)]))))
+
+
+def test_a_curve_without_length_is_refused(tmp_path):
+    zero = " ".join(f'{k}{axis}="0"' for axis in "UV" for k in "abcd")
+    assert "no length" in refusal(tmp_path, document(road(geometry(f"<paramPoly3 {zero}/>", 100.0))))
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        '<!DOCTYPE OpenDRIVE [<!ENTITY x "y">]>',
+        '<!DOCTYPE OpenDRIVE SYSTEM "file:///etc/hostname">',
+        '<!DOCTYPE a [<!ENTITY b "1234567890"><!ENTITY c "&b;&b;&b;&b;&b;&b;&b;&b;">]>',
+    ],
+)
+def test_a_document_type_is_refused(tmp_path, head):
+    assert "document type" in refusal(tmp_path, head + document(road()))
+
+
+def test_other_files_are_refused(tmp_path):
+    assert "not well-formed" in refusal(tmp_path, "schema = 1")
+    assert "not well-formed" in refusal(tmp_path, "")
+    assert "<html>" in refusal(tmp_path, "<html/>")
+    with pytest.raises(MapError, match="no such file"):
+        load_map(tmp_path / "absent.xodr")
+    with pytest.raises(MapError, match="cannot be read: Is a directory"):
+        load_map(tmp_path)
+
+
+def test_a_name_space_makes_no_difference(tmp_path):
+    path = tmp_path / "map.xodr"
+    path.write_text(document(road()).replace("<OpenDRIVE>", '<OpenDRIVE xmlns="http://code.asam.net/x">'))
+    assert list(load_map(path).roads) == ["1"]
+
+
+def test_findings_that_a_map_survives_are_warnings_with_a_line(tmp_path):
+    road_map = loaded(tmp_path, road(length=150.0, plan=geometry("<line/>", 100.0)))
+    (warning,) = road_map.warnings
+    assert re.search(r'map\.xodr:1: <road>: length="150", but its geometry ends at 100 m', warning)
+    assert road_map.road(1).length_m == 100.0
+
+
+def test_a_missing_road_is_named_with_those_that_exist(tmp_path):
+    with pytest.raises(MapError, match=r"road 7 not in map; roads: 1, 2"):
+        loaded(tmp_path, road(), road(number=2)).road(7)
+
+
+CUT = ["curve_r100", "fabriksgatan", "velodrome", "roadmarks"]
+
+
+@needs_shared
+@pytest.mark.parametrize("name", CUT)
+def test_a_map_cut_off_anywhere_is_refused(tmp_path, name):
+    whole = (SHARED_DATA / "xodr" / f"{name}.xodr").read_bytes().rstrip()
+    path = tmp_path / "cut.xodr"
+    for end in sorted(
+        {*np.linspace(0, len(whole) - 1, 120).astype(int), *range(len(whole) - 12, len(whole))}
+    ):
+        path.write_bytes(whole[:end])
+        with pytest.raises(MapError):
+            load_map(path)
+
+
+NONSENSE = ["nan", "inf", "", "abc", "-1", "0", "1e9", "-1e10", "1e-300", "99999999", "solid", None]
+
+
+def mutated(text, rng):
+    """Return the text with one to four attributes changed, doubled in value, or gone."""
+    for _ in range(rng.randint(1, 4)):
+        places = list(re.finditer(r' [a-zA-Z0-9]+="[^"]*"', text))
+        place = rng.choice(places)
+        name = place.group().split("=")[0]
+        value = rng.choice(NONSENSE)
+        text = text[: place.start()] + ("" if value is None else f'{name}="{value}"') + text[place.end() :]
+    return text
+
+
+@needs_shared
+@pytest.mark.parametrize("name", ["curve_r100", "velodrome", "multi_lanesections", "fabriksgatan", "e6mini"])
+def test_a_map_with_any_attribute_wrong_is_refused_or_driven(tmp_path, name):
+    whole = (SHARED_DATA / "xodr" / f"{name}.xodr").read_text()
+    path, rng, refused = tmp_path / "wrong.xodr", random.Random(name), 0
+    for _ in range(60):
+        path.write_text(mutated(whole, rng))
+        try:
+            corridor = Corridor(load_map(path))
+            corridor.markings_window(0.0, 50.0)
+            assert np.isfinite(corridor.poses(np.linspace(0.0, 50.0, 6)).position_world_m).all()
+        except MapError as error:
+            refused += 1
+            assert "\n" not in str(error)
+    assert 0 < refused < 60
+
+
+@needs_shared
+@pytest.mark.parametrize("path", REAL_MAPS, ids=lambda path: path.stem)
+def test_a_real_map_loads_without_a_warning(path):
+    assert load_map(path).warnings == ()
