@@ -156,6 +156,13 @@ def test_the_body_turns_about_the_origin_of_the_ego_frame():
     np.testing.assert_allclose(at_origin, level, atol=1e-15)
 
 
+def test_a_camera_pitched_straight_down_sees_what_is_below_it():
+    down = camera(pitch_deg=90.0, position_m=(2.0, 0.0, 4.0))
+    below, ahead_of_it = (ahead(down, ego(), point) for point in ((2, 0, 0), (3, 0, 0)))
+    np.testing.assert_allclose(below, [0, 0, 4], atol=1e-15)
+    np.testing.assert_allclose(ahead_of_it, [0, -1, 4], atol=1e-15)  # forward is up in the image
+
+
 # The whole look
 
 
@@ -329,6 +336,24 @@ def test_a_camera_that_looks_backwards_sees_nothing_ahead():
 def test_each_way_to_find_hidden_points_gives_the_same_observation(method):
     scene = [straight(1.75), straight(-1.75, 1)], [box(30, 1, yaw_rad=0.2), box(50, -2)]
     np.testing.assert_array_equal(look(*scene, occlusion=method).reason, look(*scene).reason)
+
+
+@pytest.mark.parametrize(("pitch_deg", "is_seen"), [(90.0, True), (-90.0, False)])
+def test_a_camera_that_looks_straight_down_sees_the_road_and_one_that_looks_up_does_not(pitch_deg, is_seen):
+    found = look([straight(0.5, start=-20)], [box(30, 0)], pitch_deg=pitch_deg)
+    assert (len(found.lines.index) > 0) == is_seen
+
+
+def test_a_line_through_the_camera_itself_gives_no_warning_and_no_answer_that_is_not_a_number():
+    through = marking(np.column_stack([np.arange(0, 90, 0.1), np.zeros(900), np.full(900, 1.35)]))
+    found = look([through], [box(30, 0)], position_m=(2.0, 0.0, 1.35))
+    assert np.isfinite(found.lines.points_ego_m).all()
+    assert found.reason[20] == Unseen.BEHIND_CAMERA  # x = 2.0: the optical centre
+
+
+def test_a_body_attitude_that_is_not_known_shows_nothing_and_breaks_nothing():
+    found = look([straight(1.75)], [box(30, 0)], vehicle=ego(body_pitch_rad=np.nan))
+    assert set(found.reason) == {Unseen.OUTSIDE_IMAGE}
 
 
 def test_occlusion_can_be_switched_off():

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tests.roads import box, ego, marking, moved, straight
 from vsensor.scene import SceneConfig, near, obstacles_near
@@ -214,3 +216,42 @@ def test_obstacles_are_looked_at_in_the_ego_frame():
     ahead, behind = box(1000, 2050, number=0), box(1000, 1950, number=1)
     found = obstacles_near(CONFIG, vehicle, Scene(markings=(), obstacles=(ahead, behind)))
     assert [item.id for item in found] == [0]
+
+
+@pytest.mark.parametrize("yaw", [np.pi, -np.pi, 3 * np.pi, np.nextafter(np.pi, 4)])
+def test_a_heading_of_half_a_turn_is_the_same_however_it_is_written(yaw):
+    chain = straight(1.75, start=-120.05, stop=20)  # no point just at an end of the window
+    (_, (expected,)), (_, (points,)) = (lines_near([chain], ego(yaw_rad=angle)) for angle in (np.pi, yaw))
+    np.testing.assert_allclose(points, expected, atol=1e-12)
+    assert points[0, 1] == pytest.approx(-1.75)
+
+
+@pytest.mark.parametrize("unknown", [{"yaw_rad": np.nan}, {"position": (np.nan, 0.0, 0.0)}])
+def test_a_pose_that_is_not_known_finds_no_line_and_no_obstacle(unknown):
+    vehicle = ego(**unknown)
+    assert len(lines_near([straight(1.75)], vehicle)[0].index) == 0
+    assert obstacles_near(CONFIG, vehicle, Scene(markings=(), obstacles=(box(30, 0),))) == ()
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0.0, 0.5), st.booleans())
+def test_a_wandering_line_gives_its_whole_rising_run_and_no_more(seed, curviness, turned):
+    rng = np.random.default_rng(seed)
+    heading = np.cumsum(rng.normal(0.0, curviness, 300)) + (np.pi if turned else 0.0)
+    steps = 0.5 * np.column_stack([np.cos(heading), np.sin(heading)])
+    chain = np.cumsum(steps, axis=0) + rng.uniform(-15, 15, 2)
+    config = SceneConfig(range_m=40.0, behind_m=20.0, lateral_m=200.0)
+    found, lines = lines_near([marking(chain)], config=config)
+    if not lines:
+        return
+    x, index = lines[0][:, 0], found.index
+    np.testing.assert_array_equal(lines[0][:, :2], chain[index])
+    assert (np.diff(x) > 0).all()
+    assert x[0] >= -20.0
+    assert x[-1] <= 40.0
+    direction = np.unique(np.diff(index)).tolist() or [1]
+    assert direction in ([1], [-1])
+    for end, beyond, sign in ((x[-1], index[-1] + direction[0], 1), (x[0], index[0] - direction[0], -1)):
+        if len(x) > 1 and 0 <= beyond < len(chain):
+            folds_back = sign * (chain[beyond, 0] - end) <= 0
+            assert folds_back or not -20.0 <= chain[beyond, 0] <= 40.0
