@@ -14,7 +14,7 @@ TABLE = {
     "bU_invalid": (
         WARNED,
         "du/dp and dv/dp are 0",
-        "the heading at the cusp is the limit; 2 records do not meet",
+        "the heading at the cusp is its limit",
     ),
     "invalid": (
         WARNED,
@@ -48,15 +48,15 @@ TABLE = {
         "",
         "the lane that appears is never driven: no link leads to it",
     ),
-    "rule_253_road_corner_road_element_min_amount_invalid": (RUNS, "", "breaks a rule about objects only"),
+    "rule_253_road_corner_road_element_min_amount_invalid": (RUNS, "", "a rule about objects only"),
     "rule_285_road_object_border_useCompleteOutline_true_invalid": (
         RUNS,
         "",
-        "breaks a rule about objects only",
+        "a rule about objects only",
     ),
-    "rule_305_road.object.attributes_obstacle_invalid": (RUNS, "", "breaks a rule about objects only"),
-    "rule_305_road.object.attributes_tree_invalid": (RUNS, "", "breaks a rule about objects only"),
-    "rule_371_general_optional_param_used_invalid": (RUNS, "", "breaks a rule about objects only"),
+    "rule_305_road.object.attributes_obstacle_invalid": (RUNS, "", "a rule about objects only"),
+    "rule_305_road.object.attributes_tree_invalid": (RUNS, "", "a rule about objects only"),
+    "rule_371_general_optional_param_used_invalid": (RUNS, "", "a rule about objects only"),
 }
 """File: what becomes of it, words of the message, why."""
 

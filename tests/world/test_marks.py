@@ -24,7 +24,8 @@ def first_mark(tmp_path, mark, number=-1, **more):
 
 
 def test_dashes_start_at_the_offsets_of_mark_and_line(tmp_path):
-    lines = '<type name="broken" width="0.2"><line length="3" space="9" tOffset="0" sOffset="2" width="0.15"/></type>'
+    line = '<line length="3" space="9" tOffset="0" sOffset="2" width="0.15"/>'
+    lines = f'<type name="broken" width="0.2">{line}</type>'
     mark = first_mark(tmp_path, f'<roadMark sOffset="7" type="broken" width="0.2">{lines}</roadMark>')
     (stripe,) = mark.stripes
     expected = (S >= 9.0) & (np.mod(S - 9.0, 12.0) < 3.0)

@@ -103,7 +103,7 @@ class Corridor:
         if not self.reaches(1e-6):
             start = self.start
             raise MapError(
-                f"{road_map.path}: road {start.road_id} lane {start.lane_id}: nothing to drive on after the start"
+                f"{road_map.path}: road {start.road_id} lane {start.lane_id}: nothing to drive on there"
             )
 
     @property

@@ -60,6 +60,7 @@ class Route:
                 return self._piece(*self._waiting.pop(0))
             step = self._choose(following(self._map, self._place))
             if step is None:
+                self._check_wishes()
                 return None
             self.is_closed |= step in self._seen
             if not self._wishes:
@@ -68,6 +69,13 @@ class Route:
             self._waiting = _cut(self._map, step, None)
         return None
 
+    def _check_wishes(self) -> None:
+        if self._wishes:
+            raise MapError(
+                f"{self._map.path}: route: road {self._wishes[0]} is not reached, "
+                f"the drive ends on road {self._place.road_id} lane {self._place.lane_id}"
+            )
+
     def _piece(self, place: Place, s_from_m: float, s_to_m: float) -> LanePiece:
         """Return the piece, the same object on every lap."""
         key = (place, s_from_m, s_to_m)
@@ -75,8 +83,8 @@ class Route:
             piece = LanePiece(self._map.roads[place.road_id], place, s_from_m, s_to_m)
             if not piece.length_m <= LONGEST_PER_S * max(abs(s_to_m - s_from_m), 1.0):
                 raise MapError(
-                    f"{self._map.path}: road {place.road_id} lane {place.lane_id}: {piece.length_m:.3g} m long "
-                    f"from s = {s_from_m:g} to {s_to_m:g}: its width, offset or elevation cannot be meant"
+                    f"{self._map.path}: road {place.road_id} lane {place.lane_id}: {piece.length_m:.3g} m "
+                    f"long from s = {s_from_m:g} to {s_to_m:g}: its width, offset or elevation cannot be meant"
                 )
             self._pieces[key] = piece
         return self._pieces[key]
