@@ -10,6 +10,7 @@ from tests.outputs import Drawn, circle, ego_at, four_lines, output_of, straight
 from vsensor import plots
 from vsensor.camera import Camera, CameraConfig
 from vsensor.errors import ConfigError
+from vsensor.sinks.trace import TraceSink, read_trace
 from vsensor.types import MarkingKind, Obstacle, Side, frozen
 
 figure = pytest.importorskip("matplotlib.figure")
@@ -135,7 +136,7 @@ def test_a_polygon_behind_the_camera_vanishes_and_one_across_it_is_cut():
 def test_a_sink_draws_the_moment_with_most_hidden_paint_and_the_error_over_time(tmp_path, monkeypatch):
     seen = {}
     monkeypatch.setattr(
-        plots, "plot_output", lambda camera, output, path, trace: seen.update(o=output, t=trace)
+        plots, "plot_output", lambda camera, output, path, errors: seen.update(o=output, e=errors)
     )
     sink = plots.PictureSink(tmp_path / "run.png", CAMERA, front_axle_x_m=2.8)
     for t in range(3):
@@ -143,23 +144,34 @@ def test_a_sink_draws_the_moment_with_most_hidden_paint_and_the_error_over_time(
         sink.write(output_of([hidden], tick=t))
     sink.close()
     assert seen["o"].tick.index == 1
-    assert seen["t"]["tick"].tolist() == [0, 1, 2]
+    np.testing.assert_allclose(seen["e"][:, 0], [0, 0.04, 0.08])
 
 
 def test_the_error_over_time_is_reported_minus_true(tmp_path):
-    outputs = [
-        output_of([Drawn(y=straight(1.8), reported=Side.LEFT, error=(0.1 * t, 0, 0, 0))], tick=t)
-        for t in range(3)
-    ]
-    sink = plots.PictureSink(tmp_path / "run.png", CAMERA, front_axle_x_m=2.8)
-    for output in outputs:
-        sink.write(output)
-    sink.close()
+    lines = [Drawn(y=straight(1.8), reported=Side.LEFT, error=(0.1 * t, 0.0, 0.0, 0.0)) for t in range(3)]
+    outputs = [output_of([line], tick=t) for t, line in enumerate(lines)]
+    trace = TraceSink(tmp_path / "trace.npz", front_axle_x_m=2.8)
+    picture = plots.PictureSink(tmp_path / "run.png", CAMERA, front_axle_x_m=2.8)
+    for sink in (trace, picture):
+        for output in outputs:
+            sink.write(output)
+        sink.close()
     assert (tmp_path / "run.png").stat().st_size > 20_000
-    table = np.array([row for o in outputs for row in plots.rows(o, 2.8)], dtype=plots.ROW)
-    trace = {name: table[name] for name in plots.ROW.names}
-    data = drawn_line(axes_of(plots.draw_errors, trace, 0.0), "left at 20 m")
+    errors = plots.errors_over_time(read_trace(tmp_path / "trace.npz"))
+    data = drawn_line(axes_of(plots.draw_errors, errors, 0.0), "left at 20 m")
     np.testing.assert_allclose(data, [[0, 0], [0.04, 0.1], [0.08, 0.2]], atol=1e-9)
+
+
+def test_the_sink_counts_the_same_errors_as_the_trace(tmp_path, monkeypatch):
+    seen = {}
+    monkeypatch.setattr(plots, "plot_output", lambda camera, output, path, errors: seen.update(e=errors))
+    trace = TraceSink(tmp_path / "trace.npz", front_axle_x_m=2.8)
+    picture = plots.PictureSink(tmp_path / "run.png", CAMERA, front_axle_x_m=2.8)
+    for sink in (trace, picture):
+        for t in range(3):
+            sink.write(output_of(four_lines(error=(0.1 * t, 0.0, 0.0, 0.0)), tick=t))
+        sink.close()
+    np.testing.assert_array_equal(seen["e"], plots.errors_over_time(read_trace(tmp_path / "trace.npz")))
 
 
 def test_a_bypassed_camera_has_no_view(tmp_path, monkeypatch):
