@@ -11,7 +11,6 @@ camera inside a box sees nothing. Both methods agree except within 1e-4 m of a s
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
@@ -36,9 +35,36 @@ _NEAR_M = 1e-6  # depth from which tangents are used
 _CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 _FACES = np.array([[0, 1, 3, 2], [0, 4, 5, 1], [0, 2, 6, 4], [4, 6, 7, 5], [2, 3, 7, 6], [1, 5, 7, 3]])
 """Corners of the faces -x, -y, -z, +x, +y, +z, counterclockwise as seen from outside."""
-_NEIGHBOURS = np.array([[1, 5, 4, 2], [2, 3, 5, 0], [0, 4, 3, 1], [2, 4, 5, 1], [0, 5, 3, 2], [1, 3, 4, 0]])
-"""The face beyond each edge of a face, in the order of its corners."""
+_OTHERS = np.array([[1, 2], [2, 0], [0, 1]])  # the axes beside each axis
+_BITS = 2 ** np.arange(6)
 _HALVES = np.array([[0, 1, 2], [0, 2, 3]])  # triangles of a face
+
+
+def _outline_table() -> tuple[IntArray, IntArray]:
+    """Return, by which faces are turned to the camera (a number of six bits), outline and faces.
+
+    The outline (64, 2, 6): first and second corner of the edges between a face that is turned to the
+    camera and one that is not, counterclockwise as the camera sees them; the faces (64, 3). Both are
+    filled up with what does no harm: edges from a corner to itself, and faces that are there twice.
+    """
+    outline = np.zeros((64, 2, 6), dtype=np.int64)
+    faces = np.zeros((64, 3), dtype=np.int64)
+    for code in range(1, 64):
+        front = [face for face in range(6) if code >> face & 1]
+        if any(face + 3 in front for face in front):
+            continue  # opposite faces are never both turned to the camera
+        edges = {
+            (int(p), int(q))
+            for face in front
+            for p, q in zip(_FACES[face], np.roll(_FACES[face], -1), strict=True)
+        }
+        border = sorted((p, q) for p, q in edges if (q, p) not in edges)
+        outline[code, :, : len(border)] = np.array(border).T
+        faces[code] = (front * 3)[:3]
+    return outline, faces
+
+
+_OUTLINE_EDGES, _FRONT_FACES = _outline_table()
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,24 +97,12 @@ class _Solids:
 
 @dataclass(frozen=True, slots=True)
 class _Chart:
-    """Directions as two tangents and a depth along the signed axis that most share, (N,) each."""
+    """Directions as two tangents (2, N) to a depth (N,) along the signed axis that most share."""
 
-    axes: tuple[int, int, int]  # depth first
+    axis: int
     sign: float
     depth_m: Array
-    tangent_a: Array
-    tangent_b: Array
-
-
-@dataclass(frozen=True, slots=True)
-class _Outlines:
-    """Bounding rectangles of boxes in a chart and their nearest depth, (M,) each."""
-
-    near_m: Array
-    low_a: Array
-    high_a: Array
-    low_b: Array
-    high_b: Array
+    tangents: Array
 
 
 def boxes_in(world_from_frame: Rigid, obstacles: Sequence[Obstacle]) -> Boxes:
@@ -119,12 +133,13 @@ def hidden(origin_m: Array, points_m: Array, boxes: Boxes, method: Method = "aut
     directions = points_m.T - origin_m[:, None]
     solids = _solids(origin_m, boxes, local)
     chart = _chart(directions)
-    outlines, in_view = _outlines(chart, solids.corners_m)
+    low, high, in_view = _rectangles(chart, solids.corners_m)
     if not len(in_view):
         return np.zeros(count, dtype=bool)
+    solids = solids.pick(in_view)
     if method == "embree" or (method == "auto" and len(in_view) >= EMBREE_FROM_BOXES):
-        return _embree(directions, solids.pick(in_view))
-    return _shadow(directions, chart, outlines, solids, in_view)
+        return _embree(directions, solids)
+    return _shadow(directions, chart, low[:, in_view], high[:, in_view], solids)
 
 
 def _rotations(cosines: Array, sines: Array) -> Array:
@@ -149,95 +164,73 @@ def _solids(origin_m: Array, boxes: Boxes, local: Array) -> _Solids:
 def _chart(directions: Array) -> _Chart:
     """Return the chart of directions (3, N); where they point all ways round, one that culls nothing."""
     total = directions.sum(axis=1)
-    forward = int(np.abs(total).argmax())
-    sign = 1.0 if total[forward] >= 0.0 else -1.0
-    axes = (forward, (forward + 1) % 3, (forward + 2) % 3)
-    depth, a, b = sign * directions[axes[0]], directions[axes[1]], directions[axes[2]]
+    axis = int(np.abs(total).argmax())
+    sign = 1.0 if total[axis] >= 0.0 else -1.0
+    depth = sign * directions[axis]
     if depth.min() > _NEAR_M:
-        return _Chart(axes, sign, depth, a / depth, b / depth)
-    nowhere = np.zeros(directions.shape[1])
-    return _Chart(axes, 0.0, nowhere, nowhere, nowhere)
+        return _Chart(axis, sign, depth, directions[_OTHERS[axis]] / depth)
+    return _Chart(axis, 0.0, np.zeros_like(depth), np.zeros((2, len(depth))))
 
 
-def _outlines(chart: _Chart, corners_m: Array) -> tuple[_Outlines, IntArray]:
-    """Return the outlines of boxes by their corners, and which can hide anything, nearest first."""
-    depth = chart.sign * corners_m[:, :, chart.axes[0]]
-    near, far = depth.min(axis=1), depth.max(axis=1)
+def _rectangles(chart: _Chart, corners_m: Array) -> tuple[Array, Array, IntArray]:
+    """Return lower and upper tangents (2, M) of boxes by their corners, and which can hide, nearest first."""
+    depth = chart.sign * corners_m[:, :, chart.axis]
+    near = depth.min(axis=1)
     in_front = near > _NEAR_M  # a box that reaches beside or behind the camera has no outline
-    scale = 1.0 / np.where(in_front[:, None], depth, 1.0)
-    possible = (far >= 0.0) & (near <= chart.depth_m.max())
-    sides = []
-    for axis, tangent in zip(chart.axes[1:], (chart.tangent_a, chart.tangent_b), strict=True):
-        corner_tangent = corners_m[:, :, axis] * scale
-        low = np.where(in_front, corner_tangent.min(axis=1), -np.inf)
-        high = np.where(in_front, corner_tangent.max(axis=1), np.inf)
-        possible &= (low <= tangent.max()) & (high >= tangent.min())
-        sides += [low, high]
+    others = corners_m[:, :, _OTHERS[chart.axis]] / np.where(in_front[:, None], depth, 1.0)[:, :, None]
+    low = np.where(in_front[:, None], others.min(axis=1), -np.inf).T
+    high = np.where(in_front[:, None], others.max(axis=1), np.inf).T
+    in_view = (low <= chart.tangents.max(axis=1)[:, None]) & (high >= chart.tangents.min(axis=1)[:, None])
+    possible = in_view[0] & in_view[1] & (depth.max(axis=1) >= 0.0) & (near <= chart.depth_m.max())
     nearest_first = near.argsort(kind="stable")
-    return _Outlines(near, *sides), nearest_first[possible[nearest_first]]
+    return low, high, nearest_first[possible[nearest_first]]
 
 
-def _in_outline(chart: _Chart, outlines: _Outlines, which: IntArray) -> BoolArray:
-    """Return (m, N): whether each direction lies in the outline of each of these boxes, and behind it."""
-    rows = which[:, None]
-    inside: BoolArray = chart.depth_m >= outlines.near_m[rows]
-    inside &= chart.tangent_a >= outlines.low_a[rows]
-    inside &= chart.tangent_a <= outlines.high_a[rows]
-    inside &= chart.tangent_b >= outlines.low_b[rows]
-    inside &= chart.tangent_b <= outlines.high_b[rows]
-    return inside
+def _shadow(directions: Array, chart: _Chart, low: Array, high: Array, solids: _Solids) -> BoolArray:
+    """Return which segments (3, N) end in the shadow of one of the boxes, which come nearest first.
 
-
-def _shadow(
-    directions: Array, chart: _Chart, outlines: _Outlines, solids: _Solids, in_view: IntArray
-) -> BoolArray:
-    """Return which segments (3, N) end in the shadow of one of the boxes `in_view`, nearest first.
-
-    A point that one box hides is not tried again.
+    A point is tried only against boxes in whose rectangle it lies, and not again once it is hidden.
     """
+    a, b = chart.tangents
+    low_a, low_b, high_a, high_b = low[0, :, None], low[1, :, None], high[0, :, None], high[1, :, None]
+    normals, least = _shadow_bounds(solids)
     free = np.ones(directions.shape[1], dtype=bool)
-    rows_at_once = max(1, _MASK_SIZE // len(free))
-    for start in range(0, len(in_view), rows_at_once):
-        some = in_view[start : start + rows_at_once]
-        bounds = _shadow_bounds(solids.pick(some))
-        for inside, (normals, least) in zip(_in_outline(chart, outlines, some), bounds, strict=True):
-            inside &= free
-            candidates = inside.nonzero()[0]
-            if len(candidates):
-                heights = normals @ directions.take(candidates, axis=1)
-                free[candidates] = ~(heights >= least).all(axis=0)
+    rows = max(1, _MASK_SIZE // len(free))
+    for start in range(0, len(normals), rows):
+        some = slice(start, start + rows)
+        inside = (a >= low_a[some]) & (a <= high_a[some]) & (b >= low_b[some]) & (b <= high_b[some])
+        for candidates, box_normals, box_least in zip(inside, normals[some], least[some], strict=True):
+            candidates &= free
+            tried = candidates.nonzero()[0]
+            if len(tried):
+                heights = box_normals @ directions.take(tried, axis=1)
+                free[tried] = ~(heights >= box_least).all(axis=0)
     return ~free
 
 
-def _shadow_bounds(solids: _Solids) -> list[tuple[Array, Array]]:
-    """Return for each box the planes (K, 3) and bounds (K, 1) of its shadow: normals @ d >= bounds.
+def _shadow_bounds(solids: _Solids) -> tuple[Array, Array]:
+    """Return the planes (M, 9, 3) and bounds (M, 9, 1) of the boxes' shadows: normals @ d >= bounds.
 
-    The shadow is bounded by the planes through the camera and the outline's edges, each an edge
-    between a face that is turned to the camera and one that is not, and by the faces turned to it:
+    A shadow is bounded by the planes through the camera and the edges of the outline, at most six,
+    and by the faces turned to the camera, at most three:
 
         camera o-------+------------------    the segment o -> d passes the face's plane at
                        | box   shadow         t = height / -(n . d), which is to be at most FAR_LIMIT
                        +------------------
     """
-    box, face = solids.is_front.nonzero()
-    quads = solids.corners_m[box[:, None], _FACES[face]]
-    is_outline = ~solids.is_front[box[:, None], _NEIGHBOURS[face]]
-    first = quads[is_outline]
-    second = quads[:, [1, 2, 3, 0]][is_outline]
-    edge_box = np.repeat(box, is_outline.sum(axis=1))
-    normals = np.concatenate([_cross(second, first), -solids.normals[box, face]])
-    least = np.concatenate([np.zeros(len(first)), solids.heights_m[box, face] / FAR_LIMIT])
-    owner = np.concatenate([edge_box, box])
-    order = owner.argsort(kind="stable")
-    stops = owner[order].searchsorted(np.arange(1, len(solids.is_front))).tolist()
-    edges = [0, *stops, len(owner)]
-    normals, least = normals[order], least[order, None]
-    return [(normals[a:b], least[a:b]) for a, b in pairwise(edges)]
+    code = solids.is_front @ _BITS
+    box = np.arange(len(code))[:, None]
+    first, second = _OUTLINE_EDGES[code].transpose(1, 0, 2)
+    edges = _cross(solids.corners_m[box, second], solids.corners_m[box, first])
+    face = _FRONT_FACES[code]
+    least = np.zeros((len(code), 9, 1))
+    least[:, 6:, 0] = solids.heights_m[box, face] / FAR_LIMIT
+    return np.concatenate([edges, -solids.normals[box, face]], axis=1), least
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Return the cross products of rows (N, 3); np.cross takes 40 us for the same."""
-    return a[:, [1, 2, 0]] * b[:, [2, 0, 1]] - a[:, [2, 0, 1]] * b[:, [1, 2, 0]]
+    """Return the cross products along the last axis; np.cross takes three times as long for a few."""
+    return a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
 
 
 def _embree(directions: Array, solids: _Solids) -> BoolArray:
