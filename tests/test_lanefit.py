@@ -9,7 +9,9 @@ from hypothesis import strategies as st
 from tests.lines import line_points
 from vsensor.lanefit import LaneFitConfig, fit, fit_lines
 
-ANY = {"min_points": 2, "min_length_m": 0.0}
+ANY = {"min_points": 2, "min_length_m": 0.0, "max_std_at_ego_m": 1e12} | dict.fromkeys(
+    ("max_offset_m", "max_slope", "max_curvature_per_m"), 1e12
+)
 X_M = np.arange(5.0, 105.0, 0.1)
 CUBIC = np.array([1.75, 0.01, 2e-4, -1e-6])
 
@@ -206,6 +208,30 @@ def test_as_many_points_as_coefficients_leave_the_covariance_unknown():
     assert np.isnan(found.std_at(20.0))
 
 
+def one_dash_far_ahead():
+    x = np.arange(60.0, 64.0, 0.1)
+    return x, polynomial(CUBIC, x) + np.random.default_rng(4).normal(0.0, 0.02, len(x)), np.full(len(x), 0.02)
+
+
+def test_a_fit_whose_order_fell_is_the_fit_of_that_order():
+    x, y, sigma = one_dash_far_ahead()
+    found, straight = fitted(x, y, sigma=sigma, max_std_at_ego_m=1.0), fitted(x, y, order=1)
+    assert len(found.coefficients) == 2
+    np.testing.assert_allclose(found.coefficients, straight.coefficients, rtol=1e-9)
+    np.testing.assert_allclose(found.covariance, straight.covariance, rtol=1e-9)
+    assert found.residual_std_m == pytest.approx(straight.residual_std_m)
+
+
+@pytest.mark.parametrize("weighting", ["uniform", "sigma", "range"])
+def test_the_order_falls_step_by_step_with_the_limit_at_the_vehicle_but_a_straight_line_is_kept(weighting):
+    x, y, sigma = one_dash_far_ahead()
+    sizes = [
+        len(fitted(x, y, sigma=sigma, weighting=weighting, max_std_at_ego_m=limit).coefficients)
+        for limit in (1e9, 30.0, 1.0, 1e-6)
+    ]
+    assert sizes == [4, 3, 2, 2]
+
+
 def test_points_without_a_finite_place_are_left_out():
     y = polynomial(CUBIC, X_M)
     x, y = X_M.copy(), y.copy()
@@ -250,3 +276,42 @@ def test_what_a_fit_returns_cannot_be_changed():
     for array in (found.coefficients, found.covariance):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 0.0
+
+
+# --- what is a line ---------------------------------------------------------------------------------
+
+
+def test_one_far_dash_gives_a_straight_line_and_a_long_line_a_cubic():
+    noise = np.random.default_rng(4)
+    dash, whole = np.arange(60.0, 66.0, 0.1), np.arange(60.0, 160.0, 0.1)
+    for x, size in ((dash, 2), (whole, 4)):
+        y = polynomial(CUBIC, x) + noise.normal(scale=0.02, size=len(x))
+        assert len(fit(LaneFitConfig(), x, y, np.full(len(x), 0.02)).coefficients) == size
+
+
+def test_the_order_is_kept_where_the_line_reaches_the_vehicle_or_the_points_are_exact():
+    x = np.arange(0.0, 6.0, 0.1)
+    assert len(fit(LaneFitConfig(), x, polynomial(CUBIC, x), np.full(len(x), 0.02)).coefficients) == 4
+    far = x + 60.0
+    assert len(fit(LaneFitConfig(), far, polynomial(CUBIC, far), np.zeros(len(x))).coefficients) == 4
+
+
+def test_the_chosen_order_is_the_largest_whose_noise_at_the_vehicle_stays_within_the_limit():
+    x = np.arange(20.0, 50.0, 0.1)
+    sigma = np.full(len(x), 0.03)
+    stds = []
+    for order in (1, 2, 3):
+        basis = np.vander(x, order + 1, increasing=True)
+        stds.append(0.03 * np.sqrt(np.linalg.inv(basis.T @ basis)[0, 0]))
+    for order, limit in ((1, (stds[0] + stds[1]) / 2), (2, (stds[1] + stds[2]) / 2), (3, 1.1 * stds[2])):
+        found = fit(LaneFitConfig(max_std_at_ego_m=limit), x, polynomial(CUBIC, x), sigma)
+        assert len(found.coefficients) == order + 1
+
+
+@pytest.mark.parametrize(
+    "coefficients", [(31.0, 0.0, 0.0, 0.0), (0.0, -2.1, 0.0, 0.0), (0.0, 0.0, 0.11, 0.0)]
+)
+def test_a_polynomial_that_no_road_near_the_vehicle_can_have_is_no_line(coefficients):
+    assert fit(LaneFitConfig(), X_M, polynomial(coefficients, X_M), np.zeros(len(X_M))) is None
+    less = 0.9 * np.array(coefficients)
+    assert fit(LaneFitConfig(), X_M, polynomial(less, X_M), np.zeros(len(X_M))) is not None

@@ -88,7 +88,12 @@ def test_the_order_in_which_lines_come_does_not_matter(offsets):
 
 def test_a_line_beyond_the_lateral_limit_is_ignored():
     config = TrackerConfig(max_lateral_m=6.0)
-    assert sides(line(1.7), line(6.1), line(-5.9), config=config) == {LEFT: 0, RIGHT: 2}
+    assert sides(line(1.7), line(6.1), line(-5.9), config=config) == {LEFT: 0, NEXT_RIGHT: 2}
+
+
+def test_a_line_too_far_for_the_own_lane_is_the_next_one_though_no_other_is_seen():
+    assert sides(line(4.4), line(-4.6)) == {LEFT: 0, NEXT_RIGHT: 1}
+    assert sides(line(4.6), line(-4.4)) == {NEXT_LEFT: 0, RIGHT: 1}
 
 
 @pytest.mark.parametrize("better", [{"x_max_m": 90.0}, {"points": 501}])
@@ -209,6 +214,18 @@ def test_what_lies_left_of_a_left_line_is_left_even_within_the_hysteresis():
     found, changes, _ = drive([(line(-0.1),), (line(0.5),), (line(0.6), line(0.1))], config=config)
     assert found == [{RIGHT: 0}, {RIGHT: 0}, {LEFT: 1, NEXT_LEFT: 0}]
     assert changes == [0, 0, -1]
+
+
+def test_no_other_line_takes_the_side_of_a_confirmed_line_that_is_hidden_for_a_moment():
+    both, far = (line(1.0), line(4.0)), (None, line(4.0))
+    found, _, _ = drive([*[both] * 5, *[far] * 15])
+    assert found[5:17] == [{NEXT_LEFT: 1}] * 12
+    assert found[-1] == {LEFT: 1}
+
+
+def test_a_line_seen_in_fewer_images_than_it_takes_to_confirm_holds_no_side():
+    found, _, _ = drive([*[(line(1.0), line(4.0))] * 4, (None, line(4.0))])
+    assert found[-1] == {LEFT: 1}
 
 
 def test_a_line_is_remembered_once_however_long_it_is_seen():

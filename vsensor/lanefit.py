@@ -43,14 +43,22 @@ _CHEBYSHEV = _chebyshev_to_powers()
 class LaneFitConfig(Config, frozen=True, kw_only=True):
     """How lines are fitted.
 
-    `order` of the polynomial; fewer points, or points too close together for it, lower it.
+    `order` of the polynomial; fewer points, or points too close together for it, lower it. It is also
+    lowered until the noise of the points (`sigma_y_m`, the pixel grid) leaves y at the vehicle, which
+    is what the bus carries, a standard deviation of at most `max_std_at_ego_m`: a cubic through one
+    dash at 60 m would pass the vehicle at 60 m, too. Exact points keep the order.
     `weighting`: "uniform"; "sigma" by each point's own standard deviation; "range" by one that grows
-    with the range. A line of fewer points or shorter than `min_length_m` is no line.
+    with the range. A line of fewer points or shorter than `min_length_m` is no line, nor is one that
+    no road has: `max_offset_m`, `max_slope`, `max_curvature_per_m`, all at x = 0.
     """
 
     order: Annotated[int, msgspec.Meta(ge=1, le=MAX_ORDER)] = 3
     weighting: Literal["uniform", "sigma", "range"] = "uniform"
     min_points: Annotated[int, msgspec.Meta(ge=2, le=10_000)] = 8
+    max_std_at_ego_m: Annotated[float, msgspec.Meta(gt=0.0, le=1e12)] = 0.1
+    max_offset_m: Annotated[float, msgspec.Meta(gt=0.0, le=1e12)] = 30.0
+    max_slope: Annotated[float, msgspec.Meta(gt=0.0, le=1e12)] = 2.0
+    max_curvature_per_m: Annotated[float, msgspec.Meta(gt=0.0, le=1e12)] = 0.2
     min_length_m: Annotated[float, msgspec.Meta(ge=0.0, le=100.0)] = 3.0
 
 
@@ -79,23 +87,32 @@ def fit(config: LaneFitConfig, x_m: Array, y_m: Array, sigma_y_m: Array) -> Fit 
         return None
     centre, half = 0.5 * (x_min + x_max), 0.5 * (x_max - x_min)
     weight, known = _weight(config, x_m, sigma_y_m)
-    solved = _solve(min(config.order, len(x_m) - 1), (x_m - centre) / half, y_m, weight)
-    if solved is None:
+    t = (x_m - centre) / half
+    triangle = _triangle(min(config.order, len(x_m) - 1), t, y_m, weight)
+    noise_m = 1.0 if known else _noise_m(sigma_y_m, weight)
+    for size in range(_resolved(triangle), 1, -1):
+        solution, inverse, squares = _solve(triangle, size)
+        to_raw = _raw_from_chebyshev(size, centre, half)
+        root = to_raw @ inverse  # root @ root.T = covariance for unit noise
+        if size == 2 or noise_m * sqrt(float(root[0] @ root[0])) <= config.max_std_at_ego_m:
+            break
+    else:
         return None
-    solution, inverse, squares = solved
-    free = len(x_m) - len(solution)
+    coefficients = to_raw @ solution
+    if not _is_plausible(config, coefficients):
+        return None
+    free = len(x_m) - size
     variance = squares / free if free > 0 else np.nan
-    to_raw = _raw_from_chebyshev(len(solution), centre, half)
-    root = to_raw @ inverse
+    covariance = (1.0 if known else variance) * (root @ root.T)
     if weight is not None:
-        residual = y_m - solution @ _basis(len(solution) - 1, (x_m - centre) / half, None)
-        squares = float(residual @ residual)
+        residual = y_m - solution @ _basis(size - 1, t, None)
+        variance = float(residual @ residual) / free if free > 0 else np.nan
     return Fit(
-        coefficients=frozen(to_raw @ solution),
-        covariance=frozen((1.0 if known else variance) * (root @ root.T)),
+        coefficients=frozen(coefficients),
+        covariance=frozen(covariance),
         x_min_m=x_min,
         x_max_m=x_max,
-        residual_std_m=sqrt(squares / free) if free > 0 else np.nan,
+        residual_std_m=sqrt(variance),
         points=len(x_m),
     )
 
@@ -109,21 +126,40 @@ def _weight(config: LaneFitConfig, x_m: Array, sigma_y_m: Array) -> tuple[Array 
     return None, False
 
 
-def _solve(order: int, t: Array, y: Array, weight: Array | None) -> tuple[Array, Array, float] | None:
-    """Return Chebyshev coefficients (m,), R^-1 (m, m) and the weighted sum of squared residuals.
+def _noise_m(sigma_y_m: Array, weight: Array | None) -> float:
+    """Return the root mean square of the weighted rows' noise."""
+    rows = sigma_y_m if weight is None else weight * sigma_y_m
+    return sqrt(float(rows @ rows) / len(rows))
 
-    One QR of the basis with y as its last column: R's last column is then Q'y. The basis is nested,
-    so a lower order is a leading block of the same R. None when not even a straight line is resolved.
-    """
+
+def _is_plausible(config: LaneFitConfig, coefficients: Array) -> bool:
+    """Return whether a line of a road can look like this from a vehicle on it."""
+    c0, c1, c2 = (*coefficients.tolist(), 0.0)[:3]
+    straight = abs(c0) <= config.max_offset_m and abs(c1) <= config.max_slope
+    return bool(straight and 2.0 * abs(c2) <= config.max_curvature_per_m)
+
+
+def _triangle(order: int, t: Array, y: Array, weight: Array | None) -> Array:
+    """Return R of the QR of the weighted basis with y as its last column, which so becomes Q'y."""
     rows = _basis(order, t, weight, extra=1)
     rows[-1] = y if weight is None else weight * y
     factors, _, _, _ = lapack.dgeqrf(rows.T, overwrite_a=1)
-    triangle = factors[: order + 2] * _UPPER[: min(len(t), order + 2), : order + 2]  # below it lie the reflectors
-    diagonal = np.abs(triangle.diagonal()[: order + 1])
+    corner = factors[: order + 2]
+    return np.asarray(corner * _UPPER[: len(corner), : order + 2])  # below it lie the reflectors
+
+
+def _resolved(triangle: Array) -> int:
+    """Return how many of the basis polynomials the points can tell apart."""
+    diagonal = np.abs(triangle[:, :-1].diagonal())
     resolved = diagonal > UNRESOLVED * diagonal[0]
-    size = order + 1 if resolved.all() else int(np.argmin(resolved))
-    if size < 2:
-        return None
+    return len(resolved) if resolved.all() else int(np.argmin(resolved))
+
+
+def _solve(triangle: Array, size: int) -> tuple[Array, Array, float]:
+    """Return Chebyshev coefficients (size,), R^-1 (size, size), weighted sum of squared residuals.
+
+    The basis is nested: a lower order is a leading block of the same R.
+    """
     inverse, _ = lapack.dtrtri(triangle[:size, :size])
     rest = triangle[size:, -1]
     return inverse @ triangle[:size, -1], inverse, float(rest @ rest)

@@ -10,7 +10,7 @@ seen both there and near, as lines of one road run side by side, or else to the 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Annotated
 
@@ -23,27 +23,32 @@ from vsensor.types import EgoState, Fit, Side, Tick
 class TrackerConfig(Config, frozen=True, kw_only=True):
     """How lines are told apart.
 
-    Farther than `max_lateral_m` from the vehicle is no line of interest; two fits nearer to each
-    other than `min_separation_m` are the same paint. `gate_m` is how far a line may be from where it
-    was expected and still be the same one; `memory_s` how long its place is remembered unseen.
+    Farther than `max_lateral_m` from the vehicle is no line of interest, farther than `max_own_m` none
+    of the own lane; two fits nearer to each other than `min_separation_m` are the same paint. `gate_m`
+    is how far a line may be from where it was expected and still be the same one. The place of a line
+    that is not seen is remembered for `memory_s`; if it was seen in `confirm_images` images, no other
+    line takes its side meanwhile.
     """
 
     max_lateral_m: Annotated[float, msgspec.Meta(gt=0.0, le=30.0)] = 8.0
+    max_own_m: Annotated[float, msgspec.Meta(gt=0.0, le=30.0)] = 4.5
     min_separation_m: Annotated[float, msgspec.Meta(ge=0.0, le=2.0)] = 0.3
     hysteresis_m: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.2
     gate_m: Annotated[float, msgspec.Meta(gt=0.0, le=3.0)] = 1.0
     memory_s: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 0.5
+    confirm_images: Annotated[int, msgspec.Meta(ge=1, le=1000)] = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Track:
-    """A line that was seen: its position and slope at the rear axle, and when it was seen last."""
+    """A line that was seen: its position and slope at the rear axle, when last, in how many images."""
 
     position_m: float
     slope: float
     is_left: bool
     side: Side | None
     seen_at_ns: int
+    images: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,8 +80,8 @@ def assign(
     seen = _distinct(config, fits, _positions(fits, ego))
     matched = _match(config, seen, expected)
     is_left = _split(config, seen, expected, matched)
-    sides = _sides(seen, is_left)
-    change = _lane_change(expected, matched, is_left)
+    unseen = [track for place, track in enumerate(expected) if place not in matched.values()]
+    sides = _sides(config, seen, is_left, unseen)
     side_of = {k: side for side, k in sides.items()}
     tracks = [
         Track(
@@ -85,11 +90,14 @@ def assign(
             is_left=is_left[k],
             side=side_of.get(k),
             seen_at_ns=tick.t_ns,
+            images=expected[matched[k]].images + 1 if k in matched else 1,
         )
         for k, position in seen
     ]
-    tracks += [track for place, track in enumerate(expected) if place not in matched.values()]
-    return TrackerState(t_ns=tick.t_ns, tracks=tuple(tracks)), Assignment(sides=sides, lane_change=change)
+    change = _lane_change(expected, matched, is_left)
+    return TrackerState(t_ns=tick.t_ns, tracks=(*tracks, *unseen)), Assignment(
+        sides=sides, lane_change=change
+    )
 
 
 def _predict(config: TrackerConfig, state: TrackerState, ego: EgoState, tick: Tick) -> list[Track]:
@@ -98,13 +106,7 @@ def _predict(config: TrackerConfig, state: TrackerState, ego: EgoState, tick: Ti
     travel_m = travel_m if isfinite(travel_m) else 0.0
     oldest = tick.t_ns - round(config.memory_s * 1e9) - tick.period_ns
     return [
-        Track(
-            position_m=track.position_m + track.slope * travel_m,
-            slope=track.slope,
-            is_left=track.is_left,
-            side=track.side,
-            seen_at_ns=track.seen_at_ns,
-        )
+        replace(track, position_m=track.position_m + track.slope * travel_m)
         for track in state.tracks
         if track.seen_at_ns >= oldest
     ]
@@ -181,11 +183,25 @@ def _split(
     return is_left
 
 
-def _sides(seen: list[tuple[int, float]], is_left: Mapping[int, bool]) -> dict[Side, int]:
-    left = [k for k, _ in reversed(seen) if is_left[k]]
-    right = [k for k, _ in seen if not is_left[k]]
-    sides = dict(zip((Side.LEFT, Side.NEXT_LEFT), left, strict=False))
-    return sides | dict(zip((Side.RIGHT, Side.NEXT_RIGHT), right, strict=False))
+def _sides(
+    config: TrackerConfig, seen: list[tuple[int, float]], is_left: Mapping[int, bool], unseen: list[Track]
+) -> dict[Side, int]:
+    """Give lines their sides, outwards; a remembered line that is not seen (None) keeps its place."""
+    lines: list[tuple[float, int | None, bool]] = [(abs(y), k, is_left[k]) for k, y in seen]
+    lines += [
+        (abs(track.position_m), None, track.is_left)
+        for track in unseen
+        if track.images >= config.confirm_images and abs(track.position_m) <= config.max_lateral_m
+    ]
+    sides: dict[Side, int] = {}
+    for on_left, own, beyond in ((True, Side.LEFT, Side.NEXT_LEFT), (False, Side.RIGHT, Side.NEXT_RIGHT)):
+        outwards = sorted((line for line in lines if line[2] is on_left), key=lambda line: line[0])
+        if outwards and outwards[0][0] > config.max_own_m:
+            outwards.insert(0, (0.0, None, on_left))
+        for side, (_, k, _) in zip((own, beyond), outwards, strict=False):
+            if k is not None:
+                sides[side] = k
+    return sides
 
 
 def _lane_change(expected: list[Track], matched: Mapping[int, int], is_left: Mapping[int, bool]) -> int:
