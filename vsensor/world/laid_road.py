@@ -21,7 +21,7 @@ POINT_STEP_M = 0.1
 BEFORE_M = 60.0
 """Straight road before the first and behind the last point of the path: what the view needs."""
 AFTER_M = 300.0
-KERNEL_REACH = 5.0  # in standard deviations; the kernel is 2e-5 of its middle there
+KERNEL_REACH = 6.0  # in standard deviations; the kernel is 2e-7 of its middle there
 
 Kind = Literal[
     "absent",
