@@ -202,6 +202,7 @@ def test_a_newer_schema_is_refused_by_version(tmp_path):
     [
         ("speed_mps", "speed_kmh", "column speed_mps is missing"),
         ("\n0,0,0,", "\n0,0.5,0,", "column tick holds values that are not whole"),
+        ("\n0,0,0,", "\n0,0,-1,", "column side holds values outside of 0 to 255"),
         ("\n0,0,0,", "\n0,zero,0,", "line 3: .*zero"),
         ("\n0,0,0,", "\n0,0,0,0,", "line 3 has 32 values, 31 were expected"),
         ("# rows 1", "# rows 2", "cut off"),
@@ -216,6 +217,24 @@ def test_a_damaged_csv_is_refused_saying_where(tmp_path, old, new, message):
     path.write_text(text.replace(old, new, 1))
     with pytest.raises(ConfigError, match=message):
         read_trace(path)
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".csv"])
+@pytest.mark.parametrize("seed", range(8))
+def test_a_file_with_damaged_bytes_is_read_or_refused_but_never_a_crash(tmp_path, suffix, seed):
+    random = np.random.default_rng(seed)
+    path = written(tmp_path / f"t{suffix}", [output_of(four_lines(), tick=t) for t in range(2)])
+    data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
+    refused = 0
+    for _ in range(25):
+        damaged = data.copy()
+        damaged[random.integers(0, len(data), 3)] = random.integers(0, 256, 3)
+        path.write_bytes(damaged.tobytes())
+        try:
+            read_trace(path)
+        except ConfigError:
+            refused += 1
+    assert refused > 10
 
 
 def test_a_csv_is_read_by_a_reader_that_knows_nothing_but_its_comment_sign(tmp_path):

@@ -152,9 +152,17 @@ def _typed(path: Path, name: str, column: NDArray[Any]) -> NDArray[Any]:
     number = np.asarray(column) if len(column) else np.empty(0, kind)
     if number.dtype.kind not in "iuf":
         raise ConfigError(f"{path}: column {name} holds no numbers")
-    if kind.kind != "f" and not np.array_equal(number, np.floor(number)):
-        raise ConfigError(f"{path}: column {name} holds values that are not whole")
+    if kind.kind != "f":
+        _require_whole(path, name, number, kind)
     return number.astype(kind)
+
+
+def _require_whole(path: Path, name: str, number: NDArray[Any], kind: np.dtype[Any]) -> None:
+    low, high = np.iinfo(kind).min, np.iinfo(kind).max
+    if not np.array_equal(number, np.floor(number)):
+        raise ConfigError(f"{path}: column {name} holds values that are not whole")
+    if len(number) and not low <= number.min() <= number.max() <= high:
+        raise ConfigError(f"{path}: column {name} holds values outside of {low} to {high}")
 
 
 def _read_npz(path: Path) -> tuple[Trace, str]:
@@ -164,7 +172,7 @@ def _read_npz(path: Path) -> tuple[Trace, str]:
             if not isinstance(file, np.lib.npyio.NpzFile):
                 raise ConfigError(f"{path}: not a trace: one bare array")
             arrays = {name: file[name] for name in file.files}
-    except (zipfile.BadZipFile, zlib.error, ValueError, EOFError, KeyError) as error:
+    except (zipfile.BadZipFile, zlib.error, ValueError, EOFError, KeyError, RuntimeError) as error:
         raise ConfigError(f"{path}: not a whole .npz file: {error}") from None
     text = str(arrays.pop("metadata", "null"))
     return {name: array for name, array in arrays.items() if array.ndim == 1}, text
