@@ -104,6 +104,26 @@ def test_a_signal_anywhere_is_read_and_written_as_cantools_does(placed, seed, tm
         assert bytes(encode(layout, {"S": physical})[0]) == message.encode({"S": physical}, strict=False)
 
 
+@pytest.mark.parametrize("order", [0, 1])
+@pytest.mark.parametrize("bits", [1, 9, 57, 58, 61, 63, 64])
+def test_a_signal_at_every_bit_of_a_long_message_is_read_in_bulk_as_cantools_reads_it(tmp_path, bits, order):
+    length = 12
+    starts = [first if order else 8 * (first // 8) + 7 - first % 8 for first in range(8 * length - bits + 1)]
+    path = tmp_path / "all.dbc"
+    path.write_text(
+        HEAD
+        + "".join(
+            f'BO_ {k + 1} M{k}: {length} A\n SG_ S : {start}|{bits}@{order}+ (1,0) [0|0] "" B\n'
+            for k, start in enumerate(starts)
+        )
+    )
+    ours, rng = load_database(path), random.Random(bits)
+    for message in cantools.database.load_file(path).messages:
+        raw = rng.getrandbits(min(bits, 53))  # what a float64 holds to the last bit
+        row = np.frombuffer(message.encode({"S": raw}), dtype=np.uint8)
+        assert decode_bulk(ours.layouts[message.name], row[None])["S"][0] == raw, message.signals[0].start
+
+
 @pytest.mark.parametrize(("bits", "kind"), [(32, 1), (64, 2)])
 def test_float_signals_go_there_and_back(tmp_path, bits, kind):
     text = f'BO_ 1 M: 8 A\n SG_ S : 0|{bits}@1- (1,0) [0|0] "" B\nSIG_VALTYPE_ 1 S : {kind};\n'

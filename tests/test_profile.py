@@ -117,6 +117,49 @@ def test_the_vehicle_bus_gives_si_units():
     assert found == pytest.approx({"ego.speed_mps": 20.0, "ego.yaw_rate_radps": math.radians(10.0)})
 
 
+def test_unit_factor_and_shift_are_undone_one_by_one_and_in_bulk(tmp_path):
+    text = LINE + 'LeftOffset = { quantity = "left.offset_m", unit = "cm", factor = -0.01, shift = 0.5 }\n'
+    profile = load_profile(written(tmp_path, text))
+    data, _ = encode(profile.messages[0].layout, {"LeftOffset": -1.25})
+    frame = Frame(due_ns=0, arbitration_id=0x323, data=bytes(data))
+    assert profile.decode(frame) == {"left.offset_m": pytest.approx(1.75)}
+    assert_bulk_equals_single(profile, [frame])
+
+
+def test_a_quantity_in_two_messages_has_the_rows_of_both_in_order(tmp_path):
+    text = (
+        LINE
+        + 'LeftOffset = "left.offset_m"\n'
+        + LINE.replace("Left", "Right")
+        + 'RightOffset = "left.offset_m"\n'
+    )
+    frames = native_frames(4)
+    profile = load_profile(written(tmp_path, text))
+    assert_bulk_equals_single(profile, frames)
+    rows = profile.decode_arrays(*columns(frames))["left.offset_m"].rows
+    assert len(rows) == 8
+    assert (np.diff(rows) > 0).all()
+
+
+def test_tables_and_validity_bits_are_undone_one_by_one_and_in_bulk(tmp_path):
+    text = (
+        LINE
+        + 'LeftQuality = { quantity = "left.kind", table = { solid = 3, dashed = "Low", other = 7 } }\n'
+        + 'LeftOffset = "left.offset_m"\n'
+        + 'LeftAvailable = { valid_of = "left.offset_m", valid_raw = 0, invalid_raw = 1 }\n'
+    )
+    profile = load_profile(written(tmp_path, text))
+    frames = []
+    for quality in range(8):
+        wanted = {"LeftQuality": quality, "LeftOffset": 1.0, "LeftAvailable": quality % 2}
+        data, _ = encode(profile.messages[0].layout, wanted)
+        frames.append(Frame(due_ns=0, arbitration_id=0x323, data=bytes(data)))
+    assert_bulk_equals_single(profile, frames)
+    kinds = profile.decode_arrays(*columns(frames))
+    np.testing.assert_array_equal(kinds["left.kind"].values, [math.nan] * 2 + [2, 1] + [math.nan] * 4)
+    np.testing.assert_array_equal(kinds["left.offset_m"].values, [1.0, math.nan] * 4)
+
+
 def rav4_frames():
     frames = []
     for line in (SHARED_DATA / "can" / "rav4_drive.log").read_text().splitlines():

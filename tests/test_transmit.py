@@ -132,7 +132,9 @@ def test_the_same_state_and_values_give_the_same_frames():
     assert sent(found) == sent(found)
 
 
-any_float = st.one_of(st.floats(allow_nan=True, allow_infinity=True), st.just(math.nan))
+any_float = st.one_of(
+    st.floats(allow_nan=True, allow_infinity=True), st.integers(-20, 20).map(float), st.just(math.nan)
+)
 
 
 @settings(max_examples=200, deadline=None)
@@ -163,7 +165,7 @@ def test_saturation_is_counted_by_signal_and_never_wraps():
     signals = read(frames)
     assert signals["LeftOffset"] == 32.767
     assert signals["RightOffset"] == -32.767  # the lowest raw value says "not available"
-    assert state.saturated["LeftOffset"] == 1
+    assert state.saturated["LeftOffset"] == state.saturated["RightOffset"] == 1
     assert sent(values(lines), 1, state)[0].saturated["LeftOffset"] == 2
     assert sent(values(four_lines()))[0].saturated == {}
 
@@ -199,6 +201,15 @@ def test_each_message_has_its_own_cycle_and_start_delay(tmp_path):
         state, frames = transmit(transmitter, state, values(four_lines()), tick)
         ids.append([frame.arbitration_id for frame in frames])
     assert ids == [[1], [1], [1, 2], [1], [1], [1, 2], [1]]
+
+
+def test_a_cycle_that_is_no_multiple_of_the_slot_keeps_its_mean_rate(tmp_path):
+    transmitter = Transmitter(profile_of(tmp_path, TWO, TWO_PROFILE), VEHICLE)
+    due = []
+    for index in range(9):  # slots at 0, 40, ... 320 ms; Slow is due at 40, 100, 160, 220, 280 ms
+        frames = sent(values(four_lines()), index, transmitter=transmitter)[1]
+        due += [40 * index for frame in frames if frame.arbitration_id == 2]
+    assert due == [40, 120, 160, 240, 280]
 
 
 def test_a_slot_longer_than_the_cycle_sends_once_and_never_in_bursts(tmp_path):
