@@ -84,7 +84,7 @@ class Route:
             if not piece.length_m <= LONGEST_PER_S * max(abs(s_to_m - s_from_m), 1.0):
                 raise MapError(
                     f"{self._map.path}: road {place.road_id} lane {place.lane_id}: {piece.length_m:.3g} m "
-                    f"long from s = {s_from_m:g} to {s_to_m:g}: its width, offset or elevation cannot be meant"
+                    f"long from s = {s_from_m:g} to {s_to_m:g}: its width or elevation cannot be meant"
                 )
             self._pieces[key] = piece
         return self._pieces[key]
