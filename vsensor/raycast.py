@@ -2,7 +2,8 @@
 
 A point is hidden if the segment from the camera to it, short of its last 1e-5, meets a box. So a
 point on the near side of its own box is free, a point inside a box or behind it is hidden, and a
-camera inside a box sees nothing. Both methods agree except within 1e-4 m of a silhouette:
+camera inside a box or on its surface sees nothing. Both methods agree except within 1e-4 m of a
+silhouette:
 
 - shadow: the points in each box's shadow, which is a convex volume, nearest boxes first, float64
 - embree: at most three faces a box, those turned to the camera, float32 relative to the camera
