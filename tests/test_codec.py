@@ -119,9 +119,10 @@ def test_a_signal_at_every_bit_of_a_long_message_is_read_in_bulk_as_cantools_rea
     )
     ours, rng = load_database(path), random.Random(bits)
     for message in cantools.database.load_file(path).messages:
-        raw = rng.getrandbits(min(bits, 53))  # what a float64 holds to the last bit
-        row = np.frombuffer(message.encode({"S": raw}), dtype=np.uint8)
-        assert decode_bulk(ours.layouts[message.name], row[None])["S"][0] == raw, message.signals[0].start
+        low = rng.getrandbits(min(bits, 53))  # what a float64 holds to the last bit
+        for raw in (low, low << max(bits - 53, 0)):
+            row = np.frombuffer(message.encode({"S": raw}), dtype=np.uint8)
+            assert decode_bulk(ours.layouts[message.name], row[None])["S"][0] == raw, message.signals[0].start
 
 
 @pytest.mark.parametrize(("bits", "kind"), [(32, 1), (64, 2)])
