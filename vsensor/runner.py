@@ -131,9 +131,9 @@ def run_loop(
 ) -> Summary:
     """Run `line` for `ticks` slots (None: until the source ends or `stop()` says so).
 
-    Slot k is due at start + k * period_ns. If the output of a slot is ready later than half a period
-    after it was due, the slot is dropped: world and error state have advanced, nothing is sent, the
-    alive counters stand still, and nothing is sent in a burst afterwards.
+    Slot k is due at start + k * period_ns. If the program gets to it later than half a period after
+    that, the slot is dropped: world and error state have advanced, nothing is sent, the alive counters
+    stand still, and nothing is sent in a burst afterwards.
     """
     summary = Summary(period_ns=period_ns, real_time=real_time)
     watch = summary.stopwatch
@@ -150,13 +150,14 @@ def run_loop(
             summary.ended = True
             break
         due_ns = start_ns + tick.t_ns
-        if clock.now_ns() - due_ns > period_ns // 2:
+        clock.sleep_until_ns(due_ns)
+        lateness_ns = clock.now_ns() - due_ns
+        if lateness_ns > period_ns // 2:
             state = computed.state_if_dropped
             summary.dropped_slots += 1
         else:
-            clock.sleep_until_ns(due_ns)
             state, output = computed.state_if_sent, computed.output
-            summary.lateness_ns.append(clock.now_ns() - due_ns)
+            summary.lateness_ns.append(lateness_ns)
             if bus is not None:
                 sent = tuple(frame for frame in output.frames if bus.send(frame))
                 summary.frames_refused += len(output.frames) - len(sent)
@@ -165,7 +166,7 @@ def run_loop(
             summary.frames_sent += len(output.frames)
             summary.saturated = sum(state.transmit.saturated.values())
             watch.skip()
-            output = replace(output, lateness_ns=summary.lateness_ns[-1])
+            output = replace(output, lateness_ns=lateness_ns)
             for sink in sinks:
                 sink.write(output)
         if bus is not None:

@@ -30,6 +30,7 @@ from vsensor.types import (
 __all__ = ["QUANTITIES", "VehicleConfig", "from_bus", "lane_offset_m", "to_bus", "values_from"]
 
 _LONGEST_CROSSING_S = 40.0  # beyond it "at constant lateral speed" says nothing; fits the native signal
+_FARTHEST_AHEAD_M = 20.0  # the road right ahead is out of the image, and a gap between dashes is up to 12 m
 _NAN = math.nan
 _ABSENT: Mapping[str, float] = {
     **dict.fromkeys(QUANTITIES, _NAN),
@@ -130,6 +131,13 @@ def lane_offset_m(boundary: Boundary, x_m: float) -> float:
     return y - half_m if boundary.side is Side.LEFT else y + half_m
 
 
+def _near(boundary: Boundary | None, axle_m: float) -> Boundary | None:
+    """Return the line if it is seen near enough to the front axle to say where it is there."""
+    if boundary is None or boundary.x_min_m > axle_m + _FARTHEST_AHEAD_M:
+        return None
+    return boundary
+
+
 def _at(boundary: Boundary, x_m: float) -> tuple[float, float]:
     """Return y and dy/dx at x (Horner)."""
     y = slope = 0.0
@@ -144,7 +152,7 @@ def _put_lane(
 ) -> None:
     """Put lane offsets, width, lateral speed and time to line crossing."""
     axle_m = vehicle.wheelbase_m
-    left, right = estimate.on(Side.LEFT), estimate.on(Side.RIGHT)
+    left, right = (_near(estimate.on(side), axle_m) for side in (Side.LEFT, Side.RIGHT))
     seen = [line for line in (left, right) if line is not None]
     if not seen:
         return
