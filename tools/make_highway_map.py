@@ -210,7 +210,7 @@ def add_plan(road: ET.Element, elements: Sequence[Element], start: complex, head
 
 def add_mark(lane: ET.Element, s: float, kind: str, width_m: float) -> None:
     if kind == "none":
-        add(lane, "roadMark", sOffset=s, type="none")
+        add(lane, "roadMark", sOffset=s, type="none", color="white")  # colour is required
         return
     width = 3 * LANE_LINE_M if kind == "solid solid" else width_m
     mark = add(

@@ -153,8 +153,18 @@ def test_a_double_line_is_its_inner_stripe():
 
 
 def test_a_border_without_any_paint_is_no_true_line():
-    lines = [Drawn(y=straight(1.8), unpainted=lambda p: p[:, 0] > -99), Drawn(y=straight(5.5))]
-    assert line_truths(output_of(lines), AXLE_M)[Side.LEFT].y_m[0] == pytest.approx(5.5)
+    lines = [Drawn(y=straight(1.8), unpainted=lambda p: p[:, 0] > -99), Drawn(y=straight(3.5))]
+    assert line_truths(output_of(lines), AXLE_M)[Side.LEFT].y_m[0] == pytest.approx(3.5)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_line_beyond_the_own_lane_is_the_next_one_where_the_own_is_missing(sign):
+    beside = {1: Side.NEXT_LEFT, -1: Side.NEXT_RIGHT}[sign]
+    assert set(line_truths(output_of([Drawn(y=straight(sign * 5.6))]), AXLE_M)) == {beside}
+
+
+def test_a_line_beyond_the_next_lane_is_none_of_the_four():
+    assert line_truths(output_of([Drawn(y=straight(8.1)), Drawn(y=straight(-8.1))]), AXLE_M) == {}
 
 
 def test_paint_behind_the_vehicle_makes_no_true_line():

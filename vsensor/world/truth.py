@@ -38,6 +38,12 @@ _NO_Y = np.full(len(RANGES_M), np.nan)
 _NO_CUBIC = np.full(4, np.nan)
 _TANGENT_HALF_M = 0.5  # the slope at the front axle is taken over one metre: no noise of 0.1 m points
 _LEFT_SIDES = (Side.LEFT, Side.NEXT_LEFT)
+_RIGHT_SIDES = (Side.RIGHT, Side.NEXT_RIGHT)
+
+OWN_LANE_M = 4.5
+"""A line farther to the side does not bound the own lane, not even from its other edge (3.75 m wide)."""
+BESIDE_M = 8.0
+"""A line farther to the side is no next line: own half, one lane, and a vehicle off its middle."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,7 +92,9 @@ def line_truths(output: Output, front_axle_x_m: float) -> Mapping[Side, LineTrut
 def true_sides(candidates: LinePoints, snapshot: Snapshot) -> dict[Side, int]:
     """Return the line (place in `candidates`) on each side, by true lateral position beside the vehicle.
 
-    Counted are lines with paint within the window, at their first point with x >= 0.
+    Counted are lines with paint within the window, at their first point with x >= 0. The nearest one
+    within OWN_LANE_M bounds the own lane; where none does, that side has no line, and the nearest one
+    within BESIDE_M is the next lane's.
     """
     starts = candidates.starts.tolist()
     lateral = []
@@ -95,11 +103,12 @@ def true_sides(candidates: LinePoints, snapshot: Snapshot) -> dict[Side, int]:
         if b > a and marking.painted[candidates.index[a:b]].any():
             abeam = min(a + int(candidates.points_ego_m[a:b, 0].searchsorted(0.0)), b - 1)
             lateral.append((float(candidates.points_ego_m[abeam, 1]), k))
-    left = sorted(item for item in lateral if item[0] > 0.0)
-    right = sorted((item for item in lateral if item[0] <= 0.0), reverse=True)
+    left = sorted((y, k) for y, k in lateral if 0.0 < y <= BESIDE_M)
+    right = sorted((-y, k) for y, k in lateral if -BESIDE_M <= y <= 0.0)
     sides = {}
-    for lines, names in ((left, _LEFT_SIDES), (right, (Side.RIGHT, Side.NEXT_RIGHT))):
-        sides.update({side: k for side, (_, k) in zip(names, lines, strict=False)})
+    for lines, names in ((left, _LEFT_SIDES), (right, _RIGHT_SIDES)):
+        is_bounded = bool(lines) and lines[0][0] <= OWN_LANE_M
+        sides.update({side: k for side, (_, k) in zip(names[not is_bounded :], lines, strict=False)})
     return sides
 
 
