@@ -214,6 +214,16 @@ def test_the_lateral_deviation_is_that_of_a_uniform_error_of_one_pixel():
     np.testing.assert_allclose(found.sigma_y_m, expected, rtol=1e-12)
 
 
+def test_errors_of_the_grid_have_the_deviation_that_is_said():
+    lateral_m = np.random.default_rng(4).uniform(-4, 4, 60)
+    found = look([straight(y, number) for number, y in enumerate(lateral_m)])
+    as_seen, real = seen_points(found)
+    far = real[:, 0] > 20.0  # above the floor
+    ratio = (as_seen - real)[far, 1] / found.sigma_y_m[far]
+    assert abs(ratio.std() - 1.0) < 0.02  # uniform on [-sqrt(3), sqrt(3)], 48,000 points, neighbours alike
+    assert np.abs(ratio).max() <= np.sqrt(3.0) * (1 + 1e-9)
+
+
 @pytest.mark.parametrize("settings", [{"pixel_grid": False}, {"model": "none"}])
 def test_without_a_grid_the_lateral_deviation_is_zero(settings):
     assert not look([straight(1.75)], **settings).sigma_y_m.any()
