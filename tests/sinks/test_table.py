@@ -182,6 +182,14 @@ def test_ctrl_c_on_the_terminal_does_not_reach_the_table(terminal):
     assert "tick 2 " in first.decode() + read_all(master)
 
 
+def test_the_table_gives_way_to_the_cycle(terminal):
+    _, file = terminal
+    sink = TableSink(file)
+    here, there = (os.getpriority(os.PRIO_PROCESS, pid) for pid in (0, sink.pid))
+    sink.close()
+    assert there == min(here + 10, 19)
+
+
 def test_the_table_dies_with_its_run():
     program = (
         "import os, sys; from vsensor.sinks.table import TableSink; "

@@ -16,6 +16,7 @@ from vsensor.sinks.table_view import LEAVE, TableLine, TableRow
 from vsensor.types import Boundary, Output, Side
 
 _PROGRAM = "import sys; from vsensor.sinks.table_view import main; sys.exit(main())"
+_QUIETER_BY = 10  # niceness: the table gives way to the cycle from its first instruction on
 _PATIENCE_S = 1.0  # how long `close` waits for the last redraw
 
 
@@ -34,6 +35,8 @@ class TableSink:
             env={**os.environ, "PYTHONPATH": _python_path()},
             start_new_session=True,  # Ctrl-C goes to the run, which then closes the table
         )
+        niceness = os.getpriority(os.PRIO_PROCESS, 0) + _QUIETER_BY
+        os.setpriority(os.PRIO_PROCESS, self._process.pid, min(niceness, 19))
         assert self._process.stdin is not None
         self._pipe = self._process.stdin.fileno()
         os.set_blocking(self._pipe, False)

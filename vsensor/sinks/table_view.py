@@ -19,7 +19,6 @@ from typing import BinaryIO, TextIO
 from vsensor.types import SIDE_NAMES, MarkingKind, SensorMode, Side
 
 REDRAW_S = 0.1
-QUIETER_BY = 10  # niceness: the table gives way to the cycle
 ENTER = "\x1b[?25l\x1b[?7l"  # hide the cursor, no wrapping of long lines
 LEAVE = "\x1b[?25h\x1b[?7h"
 
@@ -149,7 +148,7 @@ def show(pipe: BinaryIO, terminal: TextIO) -> None:
 def main() -> int:
     """Show what comes on standard input; leaves quietly when the terminal goes away."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.nice(QUIETER_BY)
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # a real-time run hands its own on
     try:
         show(sys.stdin.buffer, sys.stdout)
     except OSError:
