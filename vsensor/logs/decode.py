@@ -37,35 +37,34 @@ class DecodedTable:
     def csv_lines(self) -> Iterator[str]:
         """Yield a header and a line per row; times in seconds with all their digits, NaN as nothing."""
         yield ",".join(("time_s", *self.columns))
-        for t_ns, row in self._rows():
+        for t_ns, row in _rows(self.t_ns, self.columns):
             yield ",".join((_seconds(t_ns), *(_plain(value) for value in row)))
 
     def text_lines(self) -> Iterator[str]:
-        """Yield the same as an aligned table, NaN as "-"; codes (kind, colour, state) by name."""
-        names = list(self.columns)
-        widths = [max(len(name), 9) for name in names]
-        time_width = len(_seconds(int(self.t_ns[-1]))) if len(self) else 6
-        yield " ".join(
-            ["time_s".rjust(time_width), *(n.rjust(w) for n, w in zip(names, widths, strict=True))]
-        )
-        codes = [QUANTITIES[name].codes if name in QUANTITIES else None for name in names]
-        for t_ns, row in self._rows():
+        """Yield an aligned table, header of two lines; codes by name, NaN as "-", empty columns left out."""
+        kept = {name: values for name, values in self.columns.items() if not np.isnan(values).all()}
+        heads = [("", "time_s"), *(tuple(name.split(".", 1)) if "." in name else ("", name) for name in kept)]
+        widths = [max(len(part) for part in (*head, "-0.000123")) for head in heads]
+        widths[0] = max([len(_seconds(int(t_ns), 6)) for t_ns in self.t_ns[[0, -1]]], default=6)
+        yield _aligned([head[0] for head in heads], widths)
+        yield _aligned([head[1] for head in heads], widths)
+        codes = [QUANTITIES[name].codes if name in QUANTITIES else None for name in kept]
+        for t_ns, row in _rows(self.t_ns, kept):
             cells = [_shown(value, code) for value, code in zip(row, codes, strict=True)]
-            yield " ".join(
-                [
-                    _seconds(t_ns).rjust(time_width),
-                    *(cell.rjust(width) for cell, width in zip(cells, widths, strict=True)),
-                ]
-            )
-
-    def _rows(self) -> Iterator[tuple[int, tuple[float, ...]]]:
-        columns = [values.tolist() for values in self.columns.values()]
-        return zip(self.t_ns.tolist(), zip(*columns, strict=True), strict=True)
+            yield _aligned([_seconds(t_ns, 6), *cells], widths)
 
 
-def _seconds(t_ns: int) -> str:
-    seconds, rest = divmod(t_ns, 10**9)
-    return f"{seconds}.{rest // 1000:06d}" if rest % 1000 == 0 else f"{seconds}.{rest:09d}"
+def _rows(t_ns: IntArray, columns: dict[str, Array]) -> Iterator[tuple[int, tuple[float, ...]]]:
+    values = [column.tolist() for column in columns.values()]
+    return zip(t_ns.tolist(), zip(*values, strict=True), strict=True)
+
+
+def _aligned(cells: Sequence[str], widths: Sequence[int]) -> str:
+    return " ".join(cell.rjust(width) for cell, width in zip(cells, widths, strict=True)).rstrip()
+
+
+def _seconds(t_ns: int, digits: int = 9) -> str:
+    return f"{t_ns // 10**9}.{t_ns % 10**9 // 10 ** (9 - digits):0{digits}d}"
 
 
 def _plain(value: float) -> str:
