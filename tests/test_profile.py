@@ -350,3 +350,33 @@ def test_a_foreign_or_newer_schema_is_refused(tmp_path, schema):
 def test_of_several_profiles_the_given_database_goes_to_the_one_without():
     native, rav4 = load_profiles(["native", "toyota_rav4"], RAV4_DBC)
     assert (native.database.name, rav4.database) == ("lds.dbc", Path(RAV4_DBC))
+
+
+NATIVE_BINDINGS = [binding for plan in NATIVE.messages for binding in plan.bindings]
+
+
+@pytest.mark.parametrize("binding", NATIVE_BINDINGS, ids=lambda binding: binding.signal.name)
+def test_every_raw_value_comes_back_after_decoding_and_encoding(binding):
+    signal = binding.signal
+    few = signal.length <= 12
+    rng = np.random.default_rng(1)
+    drawn = rng.integers(signal.raw_min, signal.raw_max, 500, endpoint=True).tolist()
+    raws = range(signal.raw_min, signal.raw_max + 1) if few else [signal.raw_min, signal.raw_max, 0, *drawn]
+    for raw in raws:
+        assert binding.raw(binding.value(raw)) == (raw, False)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_random_frames_never_break_decoding_and_a_check_lets_few_of_them_through(seed):
+    rng = np.random.default_rng(seed)
+    ids = [plan.layout.arbitration_id for plan in NATIVE.messages]
+    frames = [
+        Frame(due_ns=0, arbitration_id=int(rng.choice(ids)), data=rng.bytes(int(rng.integers(0, 9))))
+        for _ in range(500)
+    ]
+    for frame in frames:
+        found = NATIVE.decode(frame)
+        assert (found is None) == (len(frame.data) < 8)
+        assert found is None or not any(math.isinf(value) for value in found.values())
+    assert sum(NATIVE.decode(frame, check=True) is not None for frame in frames) <= 5  # 1 of 256 of some 56 long ones
+    assert_bulk_equals_single(NATIVE, frames)

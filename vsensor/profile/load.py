@@ -48,7 +48,7 @@ def load_profiles(names: Sequence[str | Path], dbc: Path | None = None) -> list[
 
 def _find(name: str | Path) -> Path:
     path = Path(name)
-    if path.suffix == ".toml" or path.exists():
+    if path.suffix == ".toml" or path.is_file():
         return path
     shipped = SHIPPED / f"{name}.toml"
     if shipped.is_file():
