@@ -14,7 +14,7 @@ TABLE = {
     "bU_invalid": (
         WARNED,
         "du/dp and dv/dp are 0",
-        "the heading at the cusp is its limit",
+        "the heading at the cusp is its limit, and a kink is told",
     ),
     "invalid": (
         WARNED,

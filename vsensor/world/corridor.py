@@ -8,13 +8,14 @@
 
 Blocks and pages are kept in small caches: an hour of driving needs no more memory than a minute,
 but for some 200 bytes a block. What a window shows depends on its place alone, not on what was
-asked before.
+asked before. Only the roads driven on have borders here: a carriageway that is a road of its own,
+or another way through a junction, is not seen.
 """
 
 import math
 from bisect import bisect_right
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
@@ -37,7 +38,7 @@ PAGE_M = 200.0
 REACH_M = 300.0
 """A page starts every 200 m and reaches 300 m past the next page's start."""
 
-BLOCKS_KEPT = 24
+TABLES_KEPT = 64
 PAGES_KEPT = 3
 
 K = TypeVar("K")
@@ -97,7 +98,8 @@ class Corridor:
         self._chains = Chains(self.config.lateral_m)
         self._blocks: list[Block] = []
         self._starts_m: list[float] = [0.0]
-        self._strips: OrderedDict[int, Strip] = OrderedDict()
+        self._strips: dict[int, Strip] = {}
+        self._ready_page = -1
         self._tables: OrderedDict[int, LaneTable] = OrderedDict()
         self._pages: OrderedDict[tuple[int, int], Page] = OrderedDict()
         if not self.reaches(1e-6):
@@ -169,7 +171,7 @@ class Corridor:
 
     def _poses_in(self, number: int, s_m: Array, offset_m: Array) -> Poses:
         block = self._blocks[number]
-        table = _cached(self._tables, id(block.piece), BLOCKS_KEPT, lambda: LaneTable.of(block.piece))
+        table = self._table(block.piece)
         sigma = np.minimum(np.maximum(s_m - block.sigma_m, 0.0), block.piece.length_m)
         position, forward, left, curvature = table.at(sigma)
         position = position + (s_m - block.sigma_m - sigma) * forward + offset_m * left
@@ -229,27 +231,51 @@ class Corridor:
         it is single; else one. Borders without any mark on the page are left out, except the driven
         lane's own. Empty outside the route.
         """
-        page_number = max(0, math.floor(s_from_m / PAGE_M))
-        length = max(1, math.ceil((s_to_m - page_number * PAGE_M) / (PAGE_M + REACH_M)))
-        key = (page_number, length)
-        page = _cached(self._pages, key, PAGES_KEPT, lambda: self._page(*key))
+        number = max(0, math.floor(s_from_m / PAGE_M))
+        length = max(1, math.ceil((s_to_m - number * PAGE_M) / (PAGE_M + REACH_M)))
+        page = _cached(self._pages, (number, length), PAGES_KEPT, lambda: self._page(number, length))
+        if self._ready_page != number + 1:
+            self._prepare(number + 1)
         first = math.ceil(s_from_m / self.spacing_m - 1e-9)
         return page.window(first, math.floor(s_to_m / self.spacing_m + 1e-9) + 1)
+
+    def _prepare(self, number: int) -> None:
+        """Do one step towards the page that comes next, so that no single tick pays for all of it."""
+        start, end = number * PAGE_M, (number + 1) * PAGE_M + REACH_M
+        if self._starts_m[-1] < end and self.reaches(self._starts_m[-1] + 1e-6):
+            return
+        for i in self._overlapping(start, end):
+            if i not in self._strips or id(self._blocks[i].piece) not in self._tables:
+                self._strip(i)
+                self._table(self._blocks[i].piece)
+                return
+        self._ready_page = number
+
+    def _overlapping(self, start_m: float, end_m: float) -> Iterator[int]:
+        """Yield the blocks that are built and lie between two distances, at least in part."""
+        for i in range(max(0, bisect_right(self._starts_m, start_m) - 1), len(self._blocks)):
+            if self._starts_m[i] >= end_m:
+                return
+            yield i
 
     def _page(self, number: int, length: int) -> Page:
         start, end = number * PAGE_M, number * PAGE_M + length * (PAGE_M + REACH_M)
         self.reaches(end)
-        first = max(0, bisect_right(self._starts_m, start) - 1)
         strips, own = [], set[int]()
-        for i in range(first, len(self._blocks)):
-            if self._starts_m[i] >= end:
-                break
+        for i in self._overlapping(start, end):
             strips.append(self._strip(i))
             own.update(self.own_groups((self._starts_m[i] + self._starts_m[i + 1]) / 2))
+        kept = set(self._overlapping(start - PAGE_M, end + 2 * PAGE_M))
+        self._strips = {i: strip for i, strip in self._strips.items() if i in kept}
         return join(strips, own)
 
     def _strip(self, number: int) -> Strip:
-        return _cached(self._strips, number, BLOCKS_KEPT, lambda: self._sampled(number))
+        if number not in self._strips:
+            self._strips[number] = self._sampled(number)
+        return self._strips[number]
+
+    def _table(self, piece: LanePiece) -> LaneTable:
+        return _cached(self._tables, id(piece), TABLES_KEPT, lambda: LaneTable.of(piece))
 
     def _sampled(self, number: int) -> Strip:
         """Return the borders of a block at its stations."""
@@ -266,6 +292,7 @@ class Corridor:
 def _cached(cache: OrderedDict[K, T], key: K, most: int, make: Callable[[], T]) -> T:
     """Return the cached value, else make it and let the oldest go."""
     if key in cache:
+        cache.move_to_end(key)
         return cache[key]
     value = cache[key] = make()
     while len(cache) > most:
