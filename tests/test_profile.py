@@ -160,6 +160,23 @@ def test_tables_and_validity_bits_are_undone_one_by_one_and_in_bulk(tmp_path):
     np.testing.assert_array_equal(kinds["left.offset_m"].values, [1.0, math.nan] * 4)
 
 
+def test_a_kind_told_by_a_bit_each_is_put_together_again(tmp_path):
+    text = (
+        LINE
+        + 'LeftAvailable = { quantity = "left.kind", table = { solid = 1, other = 0 } }\n'
+        + 'LeftMeasured = { quantity = "left.kind", table = { dashed = 1, other = 0 } }\n'
+    )
+    profile = load_profile(written(tmp_path, text))
+    frames = []
+    for solid, dashed in ((1, 0), (0, 1), (0, 0)):
+        data, _ = encode(profile.messages[0].layout, {"LeftAvailable": solid, "LeftMeasured": dashed})
+        frames.append(Frame(due_ns=0, arbitration_id=0x323, data=bytes(data)))
+    assert_bulk_equals_single(profile, frames)
+    np.testing.assert_array_equal(
+        profile.decode_arrays(*columns(frames))["left.kind"].values, [1, 2, math.nan]
+    )
+
+
 def rav4_frames():
     frames = []
     for line in (SHARED_DATA / "can" / "rav4_drive.log").read_text().splitlines():
@@ -378,5 +395,7 @@ def test_random_frames_never_break_decoding_and_a_check_lets_few_of_them_through
         found = NATIVE.decode(frame)
         assert (found is None) == (len(frame.data) < 8)
         assert found is None or not any(math.isinf(value) for value in found.values())
-    assert sum(NATIVE.decode(frame, check=True) is not None for frame in frames) <= 5  # 1 of 256 of some 56 long ones
+    assert (
+        sum(NATIVE.decode(frame, check=True) is not None for frame in frames) <= 5
+    )  # 1 of 256 of some 56 long ones
     assert_bulk_equals_single(NATIVE, frames)

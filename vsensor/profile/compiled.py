@@ -128,7 +128,10 @@ class Profile:
         values: dict[str, float] = {}
         for binding in plan.told:
             if binding.signal.name in raws:
-                values[binding.quantity] = binding.value(raws[binding.signal.name])
+                value = binding.value(raws[binding.signal.name])
+                # One of several signals that share a quantity (solid bit, dashed bit) tells it.
+                if binding.quantity not in values or math.isnan(values[binding.quantity]):
+                    values[binding.quantity] = value
         for validity in plan.validities:
             if validity.quantity in values and raws.get(validity.signal.name) != validity.valid_raw:
                 values[validity.quantity] = math.nan
@@ -184,7 +187,10 @@ def _bulk_values(plan: MessagePlan, data: CodeArray) -> dict[str, Array]:
     bindings = plan.told
     names = {b.signal.name for b in bindings} | {v.signal.name for v in plan.validities}
     columns = decode_bulk(plan.layout, data, tuple(names))
-    values = {b.quantity: _bulk_quantity(b, columns[b.signal.name]) for b in bindings}
+    values: dict[str, Array] = {}
+    for binding in bindings:
+        told, before = _bulk_quantity(binding, columns[binding.signal.name]), values.get(binding.quantity)
+        values[binding.quantity] = told if before is None else np.where(np.isnan(before), told, before)
     for validity in plan.validities:
         if validity.quantity in values:
             valid = columns[validity.signal.name] == validity.signal.physical(validity.valid_raw)

@@ -277,14 +277,18 @@ def _tell_once(plans: Sequence[MessagePlan]) -> tuple[MessagePlan, ...]:
 
 
 def _require_apart(layout: Layout, bindings: Sequence[Binding], where: str) -> None:
-    """Refuse two quantities on the same bits, and one quantity twice in a message."""
-    seen: dict[str, str] = {}
+    """Refuse two quantities on the same bits, and one quantity twice in a message unless by tables."""
+    seen: dict[str, Binding] = {}
     for binding in bindings:
-        other = seen.setdefault(binding.quantity, binding.signal.name)
-        if other != binding.signal.name and not binding.wrap and binding.signal.mux_signal is None:
-            raise ConfigError(f"{where}: {other} and {binding.signal.name} both carry {binding.quantity}")
+        other = seen.setdefault(binding.quantity, binding)
+        may_share = binding.wrap or binding.signal.mux_signal is not None
+        may_share = may_share or (binding.raw_of_code is not None and other.raw_of_code is not None)
+        if other is not binding and not may_share:
+            names = f"{other.signal.name} and {binding.signal.name}"
+            raise ConfigError(f"{where}: {names} both carry {binding.quantity}")
+    carried = {binding.signal.name for binding in bindings}
     for pair in overlaps(layout):
-        if pair[0] in seen.values() and pair[1] in seen.values():
+        if carried.issuperset(pair):
             raise ConfigError(
                 f"{where}: {pair[0]} and {pair[1]} share bits, so they cannot carry two quantities"
             )
