@@ -135,6 +135,18 @@ def test_points_moved_along_x_give_the_moved_polynomial(seed, by):
     assert moved.std_at(30.0 + by) == pytest.approx(found.std_at(30.0), rel=1e-6)
 
 
+@pytest.mark.parametrize("order", [1, 3, 9])
+def test_a_line_of_many_points_fitted_in_blocks_is_the_fit_of_all_its_points(order):
+    x = np.linspace(5.0, 105.0, 5003)
+    y = polynomial(CUBIC, x) + np.random.default_rng(5).normal(0.0, 0.05, len(x))
+    found = fitted(x, y, order=order)
+    numpy_fit = np.polynomial.Polynomial.fit(x, y, order)
+    rest = y - numpy_fit(x)
+    np.testing.assert_allclose([found.y_at(at) for at in x[::100]], numpy_fit(x[::100]), atol=1e-9)
+    assert found.residual_std_m == pytest.approx(np.sqrt(rest @ rest / (len(x) - order - 1)), rel=1e-9)
+    assert found.points == 5003
+
+
 @given(noise)
 def test_the_order_of_the_points_does_not_matter(seed):
     shuffled = np.random.default_rng(seed).permutation(len(X_M))

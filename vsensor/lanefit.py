@@ -21,6 +21,9 @@ UNRESOLVED = 1e-9
 """A basis polynomial whose part outside the lower ones is below this fraction is not resolved."""
 NEAR_M = 5.0
 """Weighting "range": the standard deviation grows as hypot(5 m, x), as the pixel grid's does."""
+ONE_THREAD = 8000
+"""Entries of a matrix that OpenBLAS (from 8192) gives to several threads: on a busy machine that
+costs 5 ms a fit, and the last digits then depend on the number of cores."""
 
 _BINOMIAL = np.array([[comb(i, j) for j in range(MAX_ORDER + 1)] for i in range(MAX_ORDER + 1)], float)
 _POWER = np.maximum(np.subtract.outer(np.arange(MAX_ORDER + 1), np.arange(MAX_ORDER + 1)), 0)
@@ -105,7 +108,7 @@ def fit(config: LaneFitConfig, x_m: Array, y_m: Array, sigma_y_m: Array) -> Fit 
     variance = squares / free if free > 0 else np.nan
     covariance = (1.0 if known else variance) * (root @ root.T)
     if weight is not None:
-        residual = y_m - solution @ _basis(size - 1, t, None)
+        residual = y_m - np.einsum("k,kn", solution, _basis(size - 1, t, None))
         variance = float(residual @ residual) / free if free > 0 else np.nan
     return Fit(
         coefficients=frozen(coefficients),
@@ -143,9 +146,17 @@ def _triangle(order: int, t: Array, y: Array, weight: Array | None) -> Array:
     """Return R of the QR of the weighted basis with y as its last column, which so becomes Q'y."""
     rows = _basis(order, t, weight, extra=1)
     rows[-1] = y if weight is None else weight * y
+    step = ONE_THREAD // len(rows)
+    if len(y) <= step:
+        return _upper(rows)
+    return _upper(np.hstack([_upper(rows[:, at : at + step]).T for at in range(0, len(y), step)]))
+
+
+def _upper(rows: Array) -> Array:
+    """Return R of the QR of `rows.T`; the R of stacked R's of blocks is the R of the whole."""
     factors, _, _, _ = lapack.dgeqrf(rows.T, overwrite_a=1)
-    corner = factors[: order + 2]
-    return np.asarray(corner * _UPPER[: len(corner), : order + 2])  # below it lie the reflectors
+    corner = factors[: len(rows)]
+    return np.asarray(corner * _UPPER[: len(corner), : len(rows)])  # below it lie the reflectors
 
 
 def _resolved(triangle: Array) -> int:

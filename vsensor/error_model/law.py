@@ -144,8 +144,9 @@ def apply(
         return state, _shift(lines, law.grid_m, _signs(law.direction, draws, lines)[:, None] * std)
     state = _advance(law, state, draws, tick, line_ids)
     white = dict(zip(state.lines, state.white, strict=True))
-    # one product per line: a joint one rounds differently with the number of lines
-    return state, _shift(lines, law.grid_m, [std * (law.factor @ white[line]) for line in line_ids])
+    # one product per line: a joint one rounds differently with the number of lines, BLAS with the cores
+    smooth = [np.einsum("gh,h", law.factor, white[line]) for line in line_ids]
+    return state, _shift(lines, law.grid_m, [std * curve for curve in smooth])
 
 
 def _at_speed(law: ErrorLaw, speed_mps: float) -> Array:
