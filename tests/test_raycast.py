@@ -64,6 +64,20 @@ def test_hidden_points_are_p1s_except_in_a_band_of_a_silhouette(method, count):
 
 
 @both_methods
+def test_points_in_the_air_among_the_boxes_are_judged_as_p1_does(method):
+    rng = np.random.default_rng(3)
+    obstacles = [
+        box(*rng.uniform((5, -4, 0), (15, 4, 3)), size=rng.uniform(0.5, 2.5, 3), yaw_rad=rng.uniform(-3, 3))
+        for _ in range(12)
+    ]
+    points = rng.uniform((4, -6, -1), (16, 6, 4), (3000, 3))
+    found = hidden(EYE, points, boxes_in(HERE, obstacles), method)
+    assert not (p1.hidden(EYE, points, p1_boxes(obstacles, -2 * BAND_M)) & ~found).any()
+    assert not (found & ~p1.hidden(EYE, points, p1_boxes(obstacles, BAND_M))).any()
+    assert 0.2 < found.mean() < 0.8
+
+
+@both_methods
 def test_points_all_around_the_camera_are_judged_too(method):
     rng = np.random.default_rng(5)
     obstacles = [
@@ -75,12 +89,13 @@ def test_points_all_around_the_camera_are_judged_too(method):
     assert not (found & ~p1.hidden(EYE, points, p1_boxes(obstacles, BAND_M))).any()
 
 
-@pytest.mark.parametrize("yaw", np.arange(8) * np.pi / 4)
-def test_the_answer_does_not_depend_on_which_way_the_camera_looks(yaw):
+@pytest.mark.parametrize("pitch", [0.2, 1.5, -1.5])
+@pytest.mark.parametrize("yaw", [0.0, 1.0, 1.6, 3.1, -1.6])
+def test_the_answer_does_not_depend_on_which_way_the_camera_looks(yaw, pitch):
     rng = np.random.default_rng(6)
     obstacles = random_obstacles(rng, 10)
     points = np.column_stack([rng.uniform(4, 100, 2000), rng.uniform(-15, 15, 2000), np.zeros(2000)])
-    turn = Rigid(rotation_from_rpy(0.1, 0.2, yaw), np.array([3.0, -5.0, 2.0]))
+    turn = Rigid(rotation_from_rpy(0.1, pitch, yaw), np.array([3.0, -5.0, 2.0]))
     seen = hidden(EYE, points, boxes_in(HERE, obstacles), "shadow")
     turned = hidden(
         (EYE - turn.translation) @ turn.rotation,
