@@ -243,6 +243,16 @@ def test_lanes_beside_are_named_with_their_direction():
     assert corridor.lane_beside(50.0, 40) is None
 
 
+def test_a_shoulder_is_passed_over_in_counting_lanes(tmp_path):
+    lanes = section(left=[lane(1)], right=[lane(-1), lane(-2, "1", kind="shoulder"), lane(-3)])
+    corridor = Corridor(loaded(tmp_path, road(sections=lanes)), CorridorConfig(road="1", lane=-1))
+    right, left = corridor.lane_beside(50.0, -1), corridor.lane_beside(50.0, 1)
+    assert (right.lane_id, right.offset_m[0], right.oncoming) == (-3, -4.5, False)
+    assert (left.lane_id, left.offset_m[0], left.oncoming) == (1, 3.5, True)
+    against = Corridor(corridor.road_map, CorridorConfig(road="1", lane=1)).lane_beside(50.0, 1)
+    assert (against.lane_id, against.offset_m[0], against.oncoming) == (-1, 3.5, True)
+
+
 @needs_shared
 def test_left_hand_traffic_has_the_oncoming_lanes_on_its_right():
     corridor = Corridor(real("e6mini-lht"))

@@ -56,6 +56,12 @@ def test_a_broken_element_is_refused_by_name(tmp_path, wrong, right, says):
     assert says in refusal(tmp_path, text.replace(wrong, right))
 
 
+def test_a_line_break_hidden_in_an_attribute_stays_out_of_the_message(tmp_path):
+    text = document(road()).replace('<road id="1"', '<road id="a&#10;b"')
+    assert 'id="a b" is used' in refusal(tmp_path, text.replace("</OpenDRIVE>", text[text.index("<road") :]))
+    refusal(tmp_path, document(road()).replace("<road ", '<road rule="L&#10;HT" '))
+
+
 def test_the_line_of_the_element_is_named(tmp_path):
     text = document(road(ARC)).replace("<planView>", "\n\n<planView>\n").replace("0.01", "x")
     assert refusal(tmp_path, text).startswith("4: <arc>")

@@ -143,6 +143,7 @@ def test_a_direct_junction_is_open_both_ways():
     soderleden = real("soderleden")
     assert places(following(soderleden, Place("2", 1, -1, 1))) == [("0", -1, 1)]
     assert places(following(soderleden, Place("0", 0, 1, -1))) == [("2", 1, -1)]
+    assert places(following(soderleden, Place("0", 0, -3, -1))) == [("5", -1, -1)]
 
 
 @needs_shared

@@ -32,7 +32,7 @@ from vsensor.world.opendrive.lanes import Section
 from vsensor.world.opendrive.network import Place
 from vsensor.world.opendrive.road import RoadMap
 from vsensor.world.page import Page, Strip, join
-from vsensor.world.route import CorridorConfig, Route
+from vsensor.world.route import DRIVABLE, CorridorConfig, Route
 
 PAGE_M = 200.0
 REACH_M = 300.0
@@ -202,10 +202,15 @@ class Corridor:
         return float(block.piece.section.centre(s, block.piece.place.lane_id)[2][0])
 
     def lane_beside(self, s_m: float, lanes_left: int) -> LaneBeside | None:
-        """Return the lane so many lanes to the left (negative: right) of the driven one, None if none."""
+        """Return the lane so many lanes to the left (negative: right) of the driven one, None if none.
+
+        Lanes that nobody drives on (shoulder, border, median) are passed over in counting.
+        """
         block = self._block_at(s_m)
         piece = block.piece
-        lanes = [i for i in piece.ids_left_to_right() if i != 0]
+        own_type = piece.section.lanes[piece.place.lane_id].type
+        known = {own_type, *DRIVABLE}
+        lanes = [i for i in piece.ids_left_to_right() if i != 0 and piece.section.lanes[i].type in known]
         column = lanes.index(piece.place.lane_id) - lanes_left
         if not 0 <= column < len(lanes):
             return None

@@ -38,7 +38,7 @@ class Frames:
     cross: Cross
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LanePiece:
     """The drive along one lane of one section from `s_from_m` to `s_to_m`."""
 

@@ -12,7 +12,7 @@ from vsensor.world.opendrive.planview import PlanView
 from vsensor.world.opendrive.polynomial import CubicRecord, Cubics
 from vsensor.world.opendrive.road import Connection, Road, RoadLink, RoadMap
 from vsensor.world.opendrive.surface import Shape
-from vsensor.world.opendrive.xml import Element, MapReader, children, read_root
+from vsensor.world.opendrive.xml import Element, MapReader, children, read_root, shortened
 
 
 def load_map(path: Path | str) -> RoadMap:
@@ -24,7 +24,7 @@ def load_map(path: Path | str) -> RoadMap:
     for element in children(root, "road"):
         road = _road(reader, element)
         if road.id in roads:
-            raise reader.error(element, f'id="{road.id}" is used by two roads')
+            raise reader.error(element, f'id="{shortened(road.id)}" is used by two roads')
         roads[road.id] = road
     if not roads:
         raise reader.error(root, "no <road> in it")
@@ -49,9 +49,7 @@ def _road(reader: MapReader, element: Element) -> Road:
     road_id = reader.text(element, "id")
     plan = read_plan_view(reader, element)
     length = _length(reader, element, plan)
-    rule = (element.get("rule") or "RHT").strip().upper()
-    if rule not in ("RHT", "LHT"):
-        raise reader.error(element, f'rule="{rule[:20]}": RHT or LHT was expected')
+    rule = reader.choice(element, "rule", ("RHT", "LHT"))
     lateral = element.find("lateralProfile")
     for ignored in children(lateral, "crossfall", "crossSectionSurface"):
         reader.warn(ignored, "is ignored: the surface is taken without it")
@@ -59,7 +57,7 @@ def _road(reader: MapReader, element: Element) -> Road:
     return Road(
         id=road_id,
         length_m=length,
-        junction=(element.get("junction") or "-1").strip(),
+        junction=" ".join((element.get("junction") or "-1").split()),
         left_hand_traffic=rule == "LHT",
         plan=plan,
         elevation=_cubics(reader, children(element.find("elevationProfile"), "elevation")),
@@ -106,12 +104,8 @@ def _link(reader: MapReader, link: Element | None, name: str) -> RoadLink | None
     element = next(children(link, name), None)
     if element is None:
         return None
-    kind = (element.get("elementType") or "road").strip()
-    if kind not in ("road", "junction"):
-        raise reader.error(element, f'elementType="{kind[:20]}": road or junction was expected')
-    contact = (element.get("contactPoint") or "start").strip()
-    if contact not in ("start", "end"):
-        raise reader.error(element, f'contactPoint="{contact[:20]}": start or end was expected')
+    kind = reader.choice(element, "elementType", ("road", "junction"))
+    contact = reader.choice(element, "contactPoint", ("start", "end"))
     return RoadLink(kind == "junction", reader.text(element, "elementId"), contact)
 
 
@@ -125,21 +119,20 @@ def _junctions(reader: MapReader, root: Element, roads: dict[str, Road]) -> dict
 
 def _connection(reader: MapReader, el: Element, roads: dict[str, Road]) -> Connection | None:
     direct = el.get("linkedRoad") is not None
-    incoming, name = el.get("incomingRoad"), "linkedRoad" if direct else "connectingRoad"
-    if incoming is None or el.get(name) is None:  # a virtual connection: main road and side road
+    name = "linkedRoad" if direct else "connectingRoad"
+    if el.get("incomingRoad") is None or el.get(name) is None:  # a virtual connection
         reader.warn(el, "has no incomingRoad or connectingRoad and is left out")
         return None
-    contact = (el.get("contactPoint") or "start").strip()
-    if contact not in ("start", "end"):
-        raise reader.error(el, f'contactPoint="{contact[:20]}": start or end was expected')
-    for road in (incoming, el.get(name)):
+    incoming, connecting = reader.text(el, "incomingRoad"), reader.text(el, name)
+    contact = reader.choice(el, "contactPoint", ("start", "end"))
+    for road in (incoming, connecting):
         if road not in roads:
-            reader.warn(el, f"names road {road[:20]}, which is not in the map, and is left out")
+            reader.warn(el, f"names road {shortened(road)}, which is not in the map, and is left out")
             return None
     lanes = tuple(
         (reader.integer(link, "from"), reader.integer(link, "to")) for link in children(el, "laneLink")
     )
-    return Connection(incoming, el.get(name), contact, lanes, direct)
+    return Connection(incoming, connecting, contact, lanes, direct)
 
 
 def _check_links(
@@ -153,4 +146,6 @@ def _check_links(
         for name, link in (("predecessor", road.predecessor), ("successor", road.successor)):
             if link is not None and link.id not in (connections if link.is_junction else roads):
                 what = "junction" if link.is_junction else "road"
-                reader.warn(element, f"its {name}, {what} {link.id[:20]}, is not in the map: a dead end")
+                reader.warn(
+                    element, f"its {name}, {what} {shortened(link.id)}, is not in the map: a dead end"
+                )

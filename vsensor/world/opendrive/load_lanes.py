@@ -85,7 +85,7 @@ def _lane(reader: MapReader, el: Element, side: int, start_m: float, road_type: 
     link = el.find("link")
     return Lane(
         id=lane_id,
-        type=(el.get("type") or "none").strip(),
+        type=" ".join((el.get("type") or "none").split()),
         width=width,
         is_border=is_border,
         marks=read_marks(reader, el, side, start_m, road_type),

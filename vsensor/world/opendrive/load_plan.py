@@ -94,9 +94,7 @@ def _parametric(reader: MapReader, el: Element, length_m: float) -> ParamPoly3:
         a, b, c, d = (reader.number(el, name) for name in "abcd")
         curve = ParamPoly3((0.0, 1.0, 0.0, 0.0), (a, b, c, d), length_m, length_m, stretch=False)
     else:
-        span = (el.get("pRange") or "normalized").strip()
-        if span not in ("normalized", "arcLength"):
-            raise reader.error(el, f'pRange="{span[:20]}": normalized or arcLength was expected')
+        span = reader.choice(el, "pRange", ("normalized", "arcLength"))
         u0, u1, u2, u3 = (reader.number(el, f"{name}U") for name in "abcd")
         v0, v1, v2, v3 = (reader.number(el, f"{name}V") for name in "abcd")
         p_max = length_m if span == "arcLength" else 1.0

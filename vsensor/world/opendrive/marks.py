@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsensor.types import Array, BoolArray, Colour, MarkingKind
-from vsensor.world.opendrive.xml import Element, MapReader, children
+from vsensor.world.opendrive.xml import Element, MapReader, children, shortened
 
 STANDARD_WIDTH_M = 0.12
 BOLD_WIDTH_M = 0.25
@@ -132,11 +132,11 @@ def read_marks(
 
 def _mark(reader: MapReader, el: Element, side: int, section_m: float, road_type: str) -> RoadMark:
     start = section_m + reader.at_least(el, "sOffset", 0.0, 0.0)
-    words = " ".join(reader.text(el, "type").replace("_", " ").lower().split())
+    words = reader.text(el, "type").replace("_", " ").lower()
     width = _width(reader, el)
     double = words.split() if words in DOUBLE_WORDS else []
     if not double and words not in SINGLE_KINDS:
-        reader.warn(el, f'type="{words[:40]}" is not known: taken as painted, kind unknown')
+        reader.warn(el, f'type="{shortened(words)}" is not known: taken as painted, kind unknown')
     stripes = list(_lines(reader, el, start, width))
     if not stripes:
         stripes = _default(words, double, side, start, width, road_type)
@@ -150,7 +150,7 @@ def _colour(reader: MapReader, el: Element, kind: MarkingKind) -> Colour:
         return Colour.UNKNOWN
     name = el.get("color", "standard").strip().lower()
     if name not in COLOURS:
-        reader.warn(el, f'color="{name[:40]}" is not known: taken as unknown')
+        reader.warn(el, f'color="{shortened(name)}" is not known: taken as unknown')
     return COLOURS.get(name, Colour.UNKNOWN)
 
 

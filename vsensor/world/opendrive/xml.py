@@ -34,10 +34,17 @@ class MapReader:
 
     def text(self, element: Element, name: str) -> str:
         """Return an attribute that must be there and not empty."""
-        value: str | None = element.get(name)
-        if value is None or not value.strip():
+        value = " ".join((element.get(name) or "").split())  # a character reference can hide a line break
+        if not value:
             raise self.error(element, f"attribute {name} is missing")
-        return value.strip()
+        return value
+
+    def choice(self, element: Element, name: str, options: tuple[str, ...]) -> str:
+        """Return one of `options`, the first if the attribute is not there."""
+        value = " ".join((element.get(name) or "").split()) or options[0]
+        if value not in options:
+            raise self.error(element, f'{name}="{shortened(value)}": {" or ".join(options)} was expected')
+        return value
 
     def number(self, element: Element, name: str, default: float | None = None) -> float:
         """Return a finite float; without `default` the attribute must be there."""
