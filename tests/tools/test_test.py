@@ -1,0 +1,65 @@
+import importlib.util
+import json
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def tool():
+    spec = importlib.util.spec_from_file_location("vsensor_tools_test", ROOT / "tools" / "test.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def part(tmp_path):
+    def write(**counts):
+        reports = {"passed": 0, "failed": 0, "skipped": 0} | counts
+        file = tmp_path / "vcan.json"
+        file.write_text(json.dumps({name: [{}] * count for name, count in reports.items()}))
+        return file
+
+    return write
+
+
+def test_vcan_tests_that_ran_are_no_problem(tool, part, monkeypatch):
+    monkeypatch.setenv("CI", "true")
+    assert tool.not_run(part(passed=3)) == ""
+
+
+def test_no_vcan_test_that_ran_is_a_problem_everywhere(tool, part, monkeypatch):
+    monkeypatch.delenv("CI", raising=False)
+    assert tool.not_run(part(skipped=3)) == "no test ran on vcan"
+    assert tool.not_run(part()) == "no test ran on vcan"
+
+
+def test_a_vcan_test_that_was_skipped_is_a_problem_in_ci(tool, part, monkeypatch):
+    monkeypatch.setenv("CI", "true")
+    assert tool.not_run(part(passed=3, skipped=1)) == "1 tests on vcan were skipped"
+
+
+def test_a_vcan_part_that_broke_off_is_a_problem(tool, tmp_path):
+    assert tool.not_run(tmp_path / "absent.json") == "the part on vcan did not come to its end"
+
+
+@pytest.mark.parametrize(
+    ("statuses", "expected"),
+    [([0, 0, 0], 0), ([1, 0, 0], 1), ([0, 1, 0], 1), ([0, 0, 1], 1), ([3, 0, 0], 3), ([5, 0, 0], 5)],
+    ids=str,
+)
+def test_every_part_that_fails_fails_the_whole(tool, monkeypatch, statuses, expected):
+    left = iter(statuses)
+    monkeypatch.setattr(tool, "run", lambda *_: next(left))
+    monkeypatch.setattr(tool, "not_run", lambda part: "")
+    monkeypatch.setattr(tool.sys, "argv", ["test.py"])
+    assert tool.main() == expected
+
+
+def test_vcan_tests_that_did_not_run_fail_the_whole_though_pytest_is_content(tool, monkeypatch):
+    monkeypatch.setattr(tool, "run", lambda *_: 0)
+    monkeypatch.setattr(tool.sys, "argv", ["test.py"])
+    assert tool.main() == 1
