@@ -163,14 +163,19 @@ def _solids(origin_m: Array, boxes: Boxes, local: Array) -> _Solids:
 
 
 def _chart(directions: Array) -> _Chart:
-    """Return the chart of directions (3, N); where they point all ways round, one that culls nothing."""
+    """Return the chart of directions (3, N); one that points beside or behind has infinite tangents.
+
+    So it lies in no rectangle but that of a box which reaches there too, and only such a box hides it.
+    """
     total = directions.sum(axis=1)
     axis = int(np.abs(total).argmax())
     sign = 1.0 if total[axis] >= 0.0 else -1.0
     depth = sign * directions[axis]
-    if depth.min() > _NEAR_M:
+    ahead = depth > _NEAR_M
+    if ahead.all():
         return _Chart(axis, sign, depth, directions[_OTHERS[axis]] / depth)
-    return _Chart(axis, 0.0, np.zeros_like(depth), np.zeros((2, len(depth))))
+    tangents = directions[_OTHERS[axis]] / np.where(ahead, depth, 1.0)
+    return _Chart(axis, sign, depth, np.where(ahead, tangents, np.inf))
 
 
 def _rectangles(chart: _Chart, corners_m: Array) -> tuple[Array, Array, IntArray]:
@@ -182,7 +187,8 @@ def _rectangles(chart: _Chart, corners_m: Array) -> tuple[Array, Array, IntArray
     low = np.where(in_front[:, None], others.min(axis=1), -np.inf).T
     high = np.where(in_front[:, None], others.max(axis=1), np.inf).T
     in_view = (low <= chart.tangents.max(axis=1)[:, None]) & (high >= chart.tangents.min(axis=1)[:, None])
-    possible = in_view[0] & in_view[1] & (depth.max(axis=1) >= 0.0) & (near <= chart.depth_m.max())
+    possible = in_view[0] & in_view[1] & (near <= np.fmax.reduce(chart.depth_m, initial=0.0))
+    possible &= depth.max(axis=1) >= np.fmin.reduce(chart.depth_m, initial=0.0)
     nearest_first = near.argsort(kind="stable")
     return low, high, nearest_first[possible[nearest_first]]
 
