@@ -1,9 +1,11 @@
 """A road laid along a driven path: lane borders beside the smoothed path, flat (z = 0).
 
 The path holds the steps of its signals and the driver's swaying; the road shall hold neither kinks
-nor all of the swaying. So the path is sampled by its length and smoothed with a Gaussian kernel of
-fourth order, w(u) = (3 - u^2) phi(u) / 2: infinitely smooth, and it leaves cubics as they are, so
-that a bend is not cut (its error is that of the fourth derivative).
+nor all of the swaying. So the path is smoothed with a Gaussian kernel of fourth order,
+w(u) = (3 - u^2) phi(u) / 2: infinitely smooth, and it leaves cubics as they are, so that a bend is
+not cut. On a circle its error is 3 sigma^4 / (8 R^3); with sigma = T v and a lateral acceleration of
+v^2 / R = 3 m/s^2 that is 10 T^4 / v^2 in SI units: a time T, not a length, suits the turn at a
+crossing as well as the motorway. u = integral of ds / sigma(s).
 """
 
 from dataclasses import dataclass
@@ -11,6 +13,8 @@ from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
 from scipy.signal import fftconvolve
 
 from vsensor.schema import Config
@@ -21,6 +25,10 @@ POINT_STEP_M = 0.1
 BEFORE_M = 60.0
 """Straight road before the first and behind the last point of the path: what the view needs."""
 AFTER_M = 300.0
+SIGMA_M = (2.0, 60.0)
+"""Least and largest standard deviation: finer than that are the samples, longer than that are bends."""
+SIGMA_AVERAGE_M = 10.0  # the speed itself is averaged over this, so that its steps do not show
+STEPS_PER_SIGMA = 20
 KERNEL_REACH = 6.0  # in standard deviations; the kernel is 2e-7 of its middle there
 
 Kind = Literal[
@@ -43,7 +51,7 @@ class LaidRoadConfig(Config, frozen=True, kw_only=True):
 
     The own lane is `lane_width_m` wide; `left` and `right` are its borders, `next_left` and
     `next_right` those of the lanes beside it ("absent": there is no such lane; "none": a border without
-    paint). `smoothing_m` is the standard deviation of the kernel along the road, 0 for none.
+    paint). `smoothing_s` times the speed is the standard deviation of the kernel along the road, 0 for none.
     """
 
     lane_width_m: Annotated[float, msgspec.Meta(ge=2, le=8)] = 3.5
@@ -56,7 +64,7 @@ class LaidRoadConfig(Config, frozen=True, kw_only=True):
     dash_m: _Length = 6.0
     gap_m: _Length = 12.0
     double_gap_m: Annotated[float, msgspec.Meta(ge=0.05, le=0.5)] = 0.12
-    smoothing_m: Annotated[float, msgspec.Meta(ge=0, le=100)] = 15.0
+    smoothing_s: Annotated[float, msgspec.Meta(ge=0, le=5)] = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,9 +99,9 @@ def _window(marking: Marking, part: slice) -> Marking:
 
 def lay_road(config: LaidRoadConfig, path: DrivenPath, offset_in_lane_m: float = 0.0) -> LaidRoad:
     """Lay a road so that the path runs `offset_in_lane_m` to the left of its own lane's centre."""
-    s_m, xy = _sampled(path)
-    if config.smoothing_m > 0.0:
-        xy = smoothed(xy, config.smoothing_m)
+    s_m, xy, speed_mps = _sampled(path)
+    if config.smoothing_s > 0.0:
+        xy = _smoothed_road(xy, config.smoothing_s * speed_mps)
     tangent = np.gradient(xy, axis=0)
     tangent /= np.hypot(tangent[:, 0], tangent[:, 1])[:, None]
     normal = np.column_stack([-tangent[:, 1], tangent[:, 0]])
@@ -110,25 +118,42 @@ def lay_road(config: LaidRoadConfig, path: DrivenPath, offset_in_lane_m: float =
     return LaidRoad(s_first_m=float(s_m[0]), markings=tuple(markings), centre_world_m=_flat(centre))
 
 
-def _sampled(path: DrivenPath) -> tuple[Array, Array]:
-    """Return lengths (M,) in steps of 0.1 m and points (M, 2), with straight ends added."""
+def _sampled(path: DrivenPath) -> tuple[Array, Array, Array]:
+    """Return lengths (M,) in steps of 0.1 m, points (M, 2) and speed (M,), with straight ends added."""
     moving = np.concatenate([[True], np.diff(path.s_m) > 0.0])
     s, x, y = path.s_m[moving], path.x_m[moving], path.y_m[moving]
+    speed = path.speed_mps[moving]
     yaw0, yaw1 = path.yaw_rad[0], path.yaw_rad[-1]
     s = np.concatenate([[s[0] - BEFORE_M], s, [s[-1] + AFTER_M]])
     x = np.concatenate([[x[0] - BEFORE_M * np.cos(yaw0)], x, [x[-1] + AFTER_M * np.cos(yaw1)]])
     y = np.concatenate([[y[0] - BEFORE_M * np.sin(yaw0)], y, [y[-1] + AFTER_M * np.sin(yaw1)]])
     at = s[0] + POINT_STEP_M * np.arange(int((s[-1] - s[0]) / POINT_STEP_M) + 1)
-    return at, np.column_stack([np.interp(at, s, x), np.interp(at, s, y)])
+    points = np.column_stack([np.interp(at, s, x), np.interp(at, s, y)])
+    return at, points, np.interp(at, s[1:-1], speed)
 
 
-def smoothed(xy: Array, sigma_m: float) -> Array:
-    """Return points (M, 2), 0.1 m apart, smoothed along their order by the kernel of fourth order.
+def _smoothed_road(xy: Array, sigma_m: Array) -> Array:
+    """Return points (M, 2), 0.1 m apart, smoothed with a standard deviation (M,) that varies along them."""
+    sigma = _averaged(np.clip(sigma_m, *SIGMA_M), SIGMA_AVERAGE_M / POINT_STEP_M)
+    u = np.concatenate([[0.0], np.cumsum(2.0 * POINT_STEP_M / (sigma[1:] + sigma[:-1]))])
+    even = np.linspace(0.0, u[-1], int(u[-1] * STEPS_PER_SIGMA) + 2)
+    line = np.column_stack([np.interp(even, u, xy[:, 0]), np.interp(even, u, xy[:, 1])])
+    road: Array = CubicSpline(even, smoothed(line, 1.0 / even[1]))(u)
+    return road
+
+
+def _averaged(values: Array, sigma: float) -> Array:
+    """Return values (M,) averaged with a Gaussian of `sigma` steps, constant beyond the ends."""
+    return np.asarray(gaussian_filter1d(values, sigma, mode="nearest"))
+
+
+def smoothed(xy: Array, sigma: float) -> Array:
+    """Return points (M, 2) smoothed along their order by the kernel of fourth order, `sigma` in points.
 
     Beyond its ends the line goes on by point reflection, which keeps a straight end straight.
     """
-    reach = min(int(KERNEL_REACH * sigma_m / POINT_STEP_M), len(xy) - 1)
-    u = np.arange(-reach, reach + 1) * POINT_STEP_M / sigma_m
+    reach = min(int(KERNEL_REACH * sigma), len(xy) - 1)
+    u = np.arange(-reach, reach + 1) / sigma
     kernel = (3.0 - u**2) * np.exp(-(u**2) / 2.0)
     kernel /= kernel.sum()
     before = 2.0 * xy[0] - xy[reach:0:-1]
