@@ -118,7 +118,7 @@ def test_masks_in_several_pieces_give_the_same_answer(monkeypatch):
 def test_auto_takes_rays_only_where_many_boxes_are_in_view(monkeypatch):
     asked = []
     monkeypatch.setattr(raycast, "_embree", lambda rays, solids: asked.append(len(solids.is_front)))
-    ahead = [box(20 + 0.5 * k, 0, size=(0.2, 0.2, 0.2)) for k in range(raycast.EMBREE_FROM_BOXES)]
+    ahead = [box(20 + 0.3 * k, 0, size=(0.2, 0.2, 0.2)) for k in range(raycast.EMBREE_FROM_BOXES)]
     behind = [box(-20, 0)] * 10
     hidden(EYE, np.array([[90.0, -1, 0], [90, 1, 3], [10, -9, -1]]), boxes_in(HERE, ahead[:-1] + behind))
     assert asked == []
