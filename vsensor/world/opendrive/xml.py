@@ -109,7 +109,7 @@ def read_root(path: Path) -> Element:
         raise MapError(f"{path}: cannot be read: {error.strerror}") from None
     except ValueError as error:
         raise MapError(f"{path}: not XML: {shortened(str(error))}") from None
-    if tree.docinfo.doctype or tree.docinfo.internalDTD is not None:
+    if tree.docinfo.internalDTD is not None:
         raise MapError(f"{path}:1: has a document type definition (DTD), which is refused")
     root = tree.getroot()
     for element in root.iter(etree.Element):
