@@ -269,6 +269,14 @@ LINE = "[messages.LDS_LeftLine]\ncycle_ms = 40\n[messages.LDS_LeftLine.signals]\
             LINE + 'LeftQuality = { quantity = "left.kind", table = { solid = 9 } }',
             "raw value 9: the bits hold 0 to 7",
         ),
+        (
+            LINE + 'LeftQuality = { quantity = "left.quality", table = { 0 = 0, 1 = 1, 2 = 2 } }',
+            "table lacks 3, 4",
+        ),
+        (
+            LINE + 'LeftHeading = { quantity = "left.heading", unit = "deg" }',
+            "a slope has no angular unit; give geometry.heading",
+        ),
         (LINE + 'LeftQuality = { quantity = "left.kind", table = "kinds" }', "table 'kinds' is not there"),
         (
             LINE + 'LeftQuality = { quantity = "left.kind", table = { sollid = 1, other = 0 } }',

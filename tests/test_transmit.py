@@ -260,3 +260,21 @@ def test_a_right_positive_bus_at_the_bumper_with_inner_edges_is_sent_and_read_as
 def test_a_profile_of_what_the_sensor_listens_to_cannot_be_sent():
     with pytest.raises(ConfigError, match='role = "vehicle"'):
         Transmitter(load_profile("vehicle"), VEHICLE)
+
+
+def test_protection_in_big_endian_signals_stands_where_it_belongs(tmp_path):
+    dbc = (
+        'BO_ 5 M: 8 A\n SG_ Crc : 23|8@0+ (1,0) [0|0] "" B\n SG_ Cnt : 27|4@0+ (1,0) [0|0] "" B\n'
+        ' SG_ Off : 39|16@0- (0.001,0) [0|0] "m" B\n'
+    )
+    toml = (
+        '[messages.M]\ncycle_ms = 40\ne2e = { crc = "Crc", counter = "Cnt", profile = "P01", data_id = 7 }\n'
+        '[messages.M.signals]\nOff = "left.offset_m"\n'
+    )
+    profile = profile_of(tmp_path, dbc, toml)
+    transmitter = Transmitter(profile, VEHICLE)
+    reference, state = cantools.database.load_file(tmp_path / "test.dbc"), initial_state(transmitter)
+    for index in range(17):
+        state, frames = sent(values(four_lines()), index, state, transmitter)
+        assert profile.decode(frames[0], check=True) == {"left.offset_m": 1.8}
+        assert reference.decode_message(5, frames[0].data)["Cnt"] == index % 15

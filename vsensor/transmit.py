@@ -205,10 +205,8 @@ def _message(plan: MessagePlan, places: Mapping[tuple[str, str], int]) -> _Messa
 
 def _little_shift(layout: Layout, signal: SignalLayout) -> int | None:
     """Return the shift in the little-endian integer; None for a big-endian signal of several bytes."""
-    if not signal.big_endian:
-        return signal.shift
-    byte, low = divmod(signal.shift, 8)
-    return 8 * (layout.length - 1 - byte) + low if low + signal.length <= 8 else None
+    fits = not signal.big_endian or signal.shift % 8 + signal.length <= 8
+    return layout.low_bit(signal) if fits else None
 
 
 class _Rounding:

@@ -79,6 +79,12 @@ class Layout:
     e2e_profile: str
     e2e_data_id: int | None
 
+    def low_bit(self, signal: SignalLayout) -> int:
+        """Return the place of a signal's lowest bit, counted from bit 0 of byte 0 upwards."""
+        if not signal.big_endian:
+            return signal.shift
+        return 8 * (self.length - 1 - signal.shift // 8) + signal.shift % 8
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Database:

@@ -39,13 +39,15 @@ class Quantity:
     """One thing the model knows: its SI `unit` ("" for a pure number), `meaning`, sign and codes.
 
     `lateral`: positive to the left in the model, so a profile whose bus counts to the right flips it.
-    `codes`: the enumeration it belongs to, None for a number.
+    `codes`: the enumeration it belongs to, None for a number; `levels`: whole values from 0 that a table
+    of a quantity without codes must map.
     """
 
     unit: str
     meaning: str
     lateral: bool = False
     codes: type[IntEnum] | None = None
+    levels: int = 2
 
 
 _LINE = {
@@ -59,7 +61,7 @@ _LINE = {
     "order": Quantity(unit="", meaning="order of the polynomial"),
     "x_min_m": Quantity(unit="m", meaning="x from which the polynomial is valid"),
     "x_max_m": Quantity(unit="m", meaning="x up to which the polynomial is valid"),
-    "quality": Quantity(unit="", meaning="confidence 0 (none) to 4 (high)"),
+    "quality": Quantity(unit="", meaning="confidence 0 (none) to 4 (high)", levels=5),
     "kind": Quantity(unit="", meaning="kind of marking", codes=MarkingKind),
     "colour": Quantity(unit="", meaning="colour of the marking", codes=Colour),
     "width_m": Quantity(unit="m", meaning="width of the marking"),
