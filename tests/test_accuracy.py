@@ -20,6 +20,7 @@ EXACT = {
     "camera": {"pixel_grid": False},
     "error_model": {"mode": "none"},
     "region": {"enabled": False},
+    "scene": {"range_m": 120.0},
     "state": {"init_s": 0.0},
     "ego": {"speed_kmh": 72},
 }

@@ -4,10 +4,12 @@ Exit status: 0 done, 1 a check said no, 2 bad input (one line on stderr), 130 en
 """
 
 import argparse
+import math
 import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
 
 from vsensor.errors import VsensorError
 
@@ -42,8 +44,19 @@ Lateral error at 10, 20, 50, 80 m (mean, std, 95 % of the absolute error), range
 """
 
 
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        command = self.prog.removeprefix("vsensor").strip()
+        print(f"vsensor: {message}; see vsensor {command}{' ' * bool(command)}--help", file=sys.stderr)
+        sys.exit(2)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit status."""
+    # One core is enough, and OpenBLAS threads would disturb the cycle; numpy reads it when it is loaded.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     arguments = _parser().parse_args(argv)
     command: Callable[[argparse.Namespace], int] = arguments.command
     try:
@@ -122,7 +135,7 @@ def _note(text: str) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="vsensor",
         description="A virtual lane-detection sensor: a road scene in, DBC-defined lane frames on CAN out.",
         epilog="Start with `vsensor run`; every command explains itself with --help.",
@@ -145,11 +158,11 @@ def _version() -> str:
         return "vsensor (not installed)"
 
 
-Commands = argparse._SubParsersAction  # argparse offers no public name for it
+Commands = argparse._SubParsersAction[_Parser] if TYPE_CHECKING else object  # no public name for it
 
 
 def _command(
-    commands: "Commands[argparse.ArgumentParser]",
+    commands: "Commands",
     name: str,
     function: Callable[[argparse.Namespace], int],
     text: str,
@@ -164,7 +177,7 @@ def _command(
     return added
 
 
-def _add_run(commands: "Commands[argparse.ArgumentParser]") -> None:
+def _add_run(commands: "Commands") -> None:
     added = _command(commands, "run", run, RUN_HELP)
     added.add_argument(
         "scenario",
@@ -177,64 +190,50 @@ def _add_run(commands: "Commands[argparse.ArgumentParser]") -> None:
         help="python-can bus; default auto: vcan0 if it is there, otherwise an in-process virtual bus",
     )
     added.add_argument("--log", type=Path, metavar="FILE", help="write what was sent: .log .asc .blf .mf4")
-    added.add_argument(
-        "--trace",
-        type=Path,
-        metavar="FILE",
-        help="truth beside output, a row per tick and line: .npz .csv .parquet",
-    )
-    added.add_argument(
-        "--picture", type=Path, metavar="FILE", help="draw lanes and camera view at the end: .png .svg"
-    )
-    added.add_argument(
-        "--duration", type=_positive, metavar="S", help="end after S seconds; default: the scenario's"
-    )
-    added.add_argument(
-        "--fast", action="store_true", help="simulated clock, as quickly as it goes, needs no bus"
-    )
-    added.add_argument(
-        "--seed", type=_seed, metavar="N", help="seed of all random draws; default: the scenario's"
-    )
-    added.add_argument(
-        "--profile", metavar="NAME", help="bus profile, shipped name or file; default: the scenario's"
-    )
+    added.add_argument("--trace", type=Path, metavar="FILE", help="truth beside output: .npz .csv .parquet")
+    added.add_argument("--picture", type=Path, metavar="FILE", help="draw lanes and camera view: .png .svg")
+    added.add_argument("--duration", type=_positive, metavar="S", help="end after S seconds (the scenario's)")
+    added.add_argument("--fast", action="store_true", help="simulated clock, as quickly as it goes; no bus")
+    added.add_argument("--seed", type=_seed, metavar="N", help="seed of all random draws (the scenario's)")
+    added.add_argument("--profile", metavar="NAME", help="bus profile, shipped name or file")
     added.add_argument("--dbc", type=Path, metavar="FILE", help="the database that the profile maps")
-    added.add_argument(
-        "--quiet", action="store_true", help="no live table, no progress bar; the summary stays"
-    )
+    added.add_argument("--quiet", action="store_true", help="no live table, no progress bar")
 
 
-def _add_check(commands: "Commands[argparse.ArgumentParser]") -> None:
+def _add_check(commands: "Commands") -> None:
     added = _command(commands, "check", check, CHECK_HELP)
     added.add_argument("file", help="scenario, profile, map, DBC or log; or a shipped name")
     added.add_argument("--profile", metavar="NAME", help="check with this profile instead of the scenario's")
     added.add_argument("--dbc", type=Path, metavar="FILE", help="the database that the profile maps")
 
 
-def _add_decode(commands: "Commands[argparse.ArgumentParser]") -> None:
+def _add_decode(commands: "Commands") -> None:
     added = _command(commands, "decode", decode, DECODE_HELP)
     added.add_argument("log", type=Path, help="CAN log: .log .asc .blf .mf4 .trc .csv, also gzipped")
     added.add_argument(
-        "--profile", action="append", metavar="NAME", help="shipped name or file; repeatable; native"
+        "--profile", action="append", metavar="NAME", help="shipped name or file; repeatable (native)"
     )
     added.add_argument("--dbc", type=Path, metavar="FILE", help="the database that the profile maps")
     added.add_argument("--csv", action="store_true", help="comma-separated values instead of a table")
 
 
-def _add_score(commands: "Commands[argparse.ArgumentParser]") -> None:
+def _add_score(commands: "Commands") -> None:
     added = _command(commands, "score", score, SCORE_HELP)
     added.add_argument("trace", type=Path, help="trace file: .npz .csv .parquet")
 
 
 def _positive(text: str) -> float:
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
     if not 0.0 < value <= 31_536_000.0:
         raise argparse.ArgumentTypeError(f"{text} s: expected a time above 0, at most a year")
     return value
 
 
 def _seed(text: str) -> int:
-    value = int(text)
+    value = int(text) if text.isdecimal() else -1
     if not 0 <= value < 2**63:
         raise argparse.ArgumentTypeError(f"{text}: expected an integer from 0 to 2^63 - 1")
     return value

@@ -18,7 +18,6 @@ from vsensor.line import Line, build_line, tick_count
 from vsensor.profile import quantisation_error_m
 from vsensor.runner import Summary, run_loop
 from vsensor.sinks import Sink
-from vsensor.types import NANOSECONDS_PER_SECOND, Output
 
 Say = Callable[[str], None]
 
@@ -132,7 +131,10 @@ def _sinks(
         )
         stack.callback(sinks[-1].close)
     if options.picture is not None:
-        sinks.append(_PictureSink(options.picture, line))
+        from vsensor.plots import PictureSink
+
+        wheelbase_m = scenario.config.vehicle.wheelbase_m
+        sinks.append(PictureSink(options.picture, line.sensor.camera, front_axle_x_m=wheelbase_m))
         stack.callback(sinks[-1].close)
     if options.table and not options.fast:
         from vsensor.sinks.table import TableSink
@@ -146,26 +148,6 @@ def _epoch_ns(scenario: Scenario) -> int:
     """Return the Unix time of slot 0."""
     first_slot_ns = MonotonicClock().now_ns() + scenario.config.cycle_ms * 1_000_000
     return epoch_offset_ns() + first_slot_ns
-
-
-class _PictureSink:
-    """Keeps every output's essence until the end and draws one of the middle; see `vsensor.plots`."""
-
-    def __init__(self, path: Path, line: Line) -> None:
-        self._path, self._line = path, line
-        self._outputs: list[Output] = []
-
-    def write(self, output: Output) -> None:
-        """Keep one output a second."""
-        if output.tick.t_ns % NANOSECONDS_PER_SECOND < output.tick.period_ns:
-            self._outputs.append(output)
-
-    def close(self) -> None:
-        """Draw."""
-        if self._outputs:
-            from vsensor.plots import plot_output
-
-            plot_output(self._line.sensor.camera, self._outputs[len(self._outputs) // 2], self._path)
 
 
 @contextlib.contextmanager

@@ -24,9 +24,12 @@ BATCH_POINTS = 1500
 
 
 class SceneConfig(Config, frozen=True, kw_only=True):
-    """How much of the scene is looked at, as x and y of the road-level ego frame."""
+    """How much of the scene is looked at, as x and y of the road-level ego frame.
 
-    range_m: Annotated[float, Meta(ge=5.0, le=500.0)] = 100.0
+    The default is a point more than 100 m, so that a line may be read at 100 m.
+    """
+
+    range_m: Annotated[float, Meta(ge=5.0, le=500.0)] = 100.2
     behind_m: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
     lateral_m: Annotated[float, Meta(ge=2.0, le=200.0)] = 20.0
 

@@ -1,0 +1,417 @@
+"""The command line as a user meets it: what it says, what it leaves behind, its exit status."""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+
+from tests.shared import SHARED_DATA, needs_shared
+from vsensor.cli import main
+from vsensor.config import SHIPPED
+
+REPOSITORY = Path(__file__).parents[1]
+XODR = SHARED_DATA / "xodr"
+RAV4_DBC = SHARED_DATA / "dbc" / "toyota_rav4_2017_pt_generated.dbc"
+
+
+def vsensor(capsys, *words):
+    """Run one command in this process; returns (status, stdout, stderr)."""
+    try:
+        status = main([str(word) for word in words])
+    except SystemExit as exit_:
+        status = exit_.code
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+def scenario_file(folder, text, name="scenario.toml"):
+    path = folder / name
+    path.write_text(f'schema = "vsensor.scenario/1"\n{text}', encoding="utf-8")
+    return path
+
+
+def own_map(folder):
+    return shutil.copy(SHIPPED / "highway.xodr", folder / "highway.xodr")
+
+
+def assert_one_line(err, *words):
+    assert err.count("\n") == 1, err
+    assert err.startswith("vsensor: ")
+    for word in words:
+        assert word in err
+
+
+# --- run ----------------------------------------------------------------------------------------------
+
+
+def test_fast_without_arguments_runs_the_shipped_scenario(capsys):
+    status, out, err = vsensor(capsys, "run", "--fast", "--duration", 2)
+    assert status == 0
+    assert "50 ticks of 40 ms = 2.00 s" in out
+    assert "frames sent 650, refused by the bus 0, slots dropped 0" in out
+    assert err == ""
+
+
+def test_real_time_on_the_virtual_bus_hears_and_decodes_every_frame(capsys):
+    status, out, err = vsensor(capsys, "run", "--bus", "virtual:cli", "--duration", 1)
+    assert status == 0
+    sent = int(re.search(r"frames sent (\d+)", out)[1])
+    assert f"frames heard {sent}, decoded and checked {sent}" in out
+    assert sent > 0
+    assert "lateness of the first frame: p50" in out
+    assert "virtual" in err
+
+
+@pytest.mark.parametrize("suffix", [".log", ".asc", ".blf", ".mf4"])
+def test_a_log_holds_just_what_was_sent(capsys, tmp_path, suffix):
+    log = tmp_path / f"out{suffix}"
+    status, out, _ = vsensor(capsys, "run", "--fast", "--duration", 2, "--log", log)
+    assert status == 0
+    assert f"wrote {log}" in out
+    from vsensor.logs import read_log
+
+    table = read_log(log)
+    assert len(table.t_ns) == 650
+    reference = tmp_path / "reference.log"
+    vsensor(capsys, "run", "--fast", "--duration", 2, "--log", reference)
+    expected = read_log(reference)
+    np.testing.assert_array_equal(table.arbitration_id, expected.arbitration_id)
+    np.testing.assert_array_equal(table.data[:, :8], expected.data[:, :8])
+
+
+def test_fast_and_real_time_send_the_same_frames_bit_for_bit(capsys, tmp_path):
+    files = tmp_path / "fast.log", tmp_path / "real.log"
+    vsensor(capsys, "run", "--fast", "--duration", 2, "--log", files[0])
+    for _ in range(3):  # a busy machine may drop a slot; then the comparison says nothing
+        _, out, _ = vsensor(capsys, "run", "--bus", "virtual:same", "--duration", 2, "--log", files[1])
+        if "slots dropped 0" in out:
+            break
+    else:
+        pytest.fail("every run dropped slots")
+    fast, real = ([line.split()[2] for line in file.read_text().splitlines()] for file in files)
+    assert len(fast) == 650
+    assert fast == real
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".csv", ".parquet"])
+def test_a_trace_can_be_scored(capsys, tmp_path, suffix):
+    trace = tmp_path / f"trace{suffix}"
+    vsensor(capsys, "run", "--fast", "--duration", 4, "--trace", trace)
+    status, out, _ = vsensor(capsys, "score", trace)
+    assert status == 0
+    assert re.search(r"\bleft\b", out)
+    assert re.search(r"\b20\b.*m", out)
+
+
+def test_a_picture_is_drawn(capsys, tmp_path):
+    picture = tmp_path / "run.png"
+    status, _, _ = vsensor(capsys, "run", "--fast", "--duration", 3, "--picture", picture)
+    assert status == 0
+    assert picture.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+@needs_shared
+def test_a_bare_map_is_a_scenario(capsys):
+    status, out, _ = vsensor(capsys, "run", XODR / "e6mini.xodr", "--fast", "--duration", 3)
+    assert status == 0
+    assert "75 ticks" in out
+
+
+@needs_shared
+def test_a_real_map_is_one_line_of_the_scenario(capsys, tmp_path):
+    text = (SHIPPED / "highway.toml").read_text()
+    text = re.sub(r"^source = .*$", f'source = "{XODR / "soderleden.xodr"}"', text, flags=re.MULTILINE)
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    status, out, _ = vsensor(capsys, "run", path, "--fast", "--duration", 3)
+    assert status == 0
+    assert "75 ticks" in out
+
+
+@needs_shared
+def test_the_recorded_drive_is_a_scenario(capsys, tmp_path):
+    path = scenario_file(
+        tmp_path,
+        f'source = "{SHARED_DATA / "can" / "rav4_drive.log"}"\n'
+        f'[drive]\nprofile = ["toyota_rav4"]\ndbc = "{RAV4_DBC}"\n',
+    )
+    trace = tmp_path / "trace.npz"
+    status, out, err = vsensor(capsys, "run", path, "--fast", "--trace", trace)
+    assert status == 0
+    assert "yaw-rate offset" in err
+    assert int(re.search(r"^(\d+) ticks", out)[1]) > 1450
+    status, out, _ = vsensor(capsys, "score", trace)
+    assert status == 0
+
+
+def test_the_end_of_the_road_ends_the_run(capsys, tmp_path):
+    own_map(tmp_path)
+    path = scenario_file(
+        tmp_path, 'source = "highway.xodr"\nduration_s = 3\n[ego]\nspeed_kmh = [[0, 50], [1, 0]]\n'
+    )
+    assert vsensor(capsys, "run", path, "--fast")[0] == 0
+
+
+# --- decode, score, check -----------------------------------------------------------------------------
+
+
+def test_decode_prints_the_lanes_as_a_table_and_as_csv(capsys, tmp_path):
+    log = tmp_path / "out.log"
+    vsensor(capsys, "run", "--fast", "--duration", 2, "--log", log)
+    status, out, _ = vsensor(capsys, "decode", log)
+    assert status == 0
+    assert "offset_m" in "".join(out.splitlines()[:2])
+    status, csv, _ = vsensor(capsys, "decode", log, "--csv")
+    header, *rows = csv.splitlines()
+    assert len(rows) == 50
+    column = header.split(",").index("left.offset_m")
+    last = float(rows[-1].split(",")[column])
+    assert 1.0 < last < 3.0
+
+
+def test_check_lists_models_costs_and_messages_and_sends_nothing(capsys):
+    status, out, _ = vsensor(capsys, "check", "highway")
+    assert status == 0
+    for word in ("world", "camera", "region+error", "fit+track", "signals+codec", "total", "LDS_Image"):
+        assert word in out
+    assert "quantisation adds at most" in out
+    assert "no findings" in out
+
+
+@needs_shared
+@pytest.mark.parametrize(
+    ("file", "status", "words"),
+    [
+        (XODR / "e6mini.xodr", 0, "roads"),
+        (SHARED_DATA / "can" / "rav4_drive.log", 0, "53800 frames"),
+        (SHARED_DATA / "dbc" / "honda_bosch_lane_lines_extract.dbc", 1, "placeholder"),
+        ("native", 0, "LDS_Image"),
+    ],
+)
+def test_check_knows_files_by_suffix_and_content(capsys, file, status, words):
+    found, out, _ = vsensor(capsys, "check", file)
+    assert words in out
+    assert found == status
+
+
+# --- bad input ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[camera]\nheigth_px = 800\n", ["camera.heigth_px", "did you mean height_px?"]),
+        ("[camera]\nhfov_rad = 0.9\n", ["camera.hfov_rad", "hfov_deg"]),
+        ("[camera]\nposition_m = [1.9, 0.0, 1350.0]\n", ["camera.position_m", "1350"]),
+        ('[camera]\nwidth_px = "wide"\n', ["camera.width_px", "wide"]),
+        ("cycle_ms = 0.04\n", ["cycle_ms", "0.04"]),
+        ("[ego]\nspeed_kmh = nan\n", ["ego.speed_kmh", "finite"]),
+        ("[ego]\nspeed_kmh = inf\n", ["ego.speed_kmh", "finite"]),
+        ("[ego]\nspeed_kmh = [[5, 100], [1, 50]]\n", ["ego.speed_kmh", "times must rise"]),
+        ("[ego]\nspeed_kmh = 3000\n", ["ego.speed_kmh", "540 km/h"]),
+        ("[ego]\nroad = '99'\n", ["99"]),
+        ("[ego]\nlane = 77\nroad = '1'\n", ["77"]),
+        ("[[traffic]]\nkind = 'tank'\n", ["traffic", "tank"]),
+        ("[[traffic]]\nrecycle_m = 300\n", ["traffic[0].recycle_m"]),
+        ("[error_model]\nfile = 'none.npz'\n", ["none.npz", "no such file"]),
+        ("[output]\nprofile = 'natve'\n", ["natve", "native"]),
+        ("[region]\nspeed_kmh = [0, 50]\nrange_m = [10]\n", ["region", "range_m"]),
+        ("seed = -1\n", ["seed", "-1"]),
+        ("ego = 5\n", ["ego"]),
+        ("a = [\n", ["TOML"]),
+    ],
+)
+def test_a_mistake_in_a_scenario_is_one_line_that_names_file_and_key(capsys, tmp_path, text, words):
+    own_map(tmp_path)
+    path = scenario_file(tmp_path, f'source = "highway.xodr"\n{text}')
+    status, out, err = vsensor(capsys, "run", path, "--fast", "--duration", 1)
+    assert status == 2
+    assert_one_line(err, *words)
+    assert out == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["run", "absent.toml"], ["absent.toml", "no such file"]),
+        (["run", "motorway"], ["motorway", "highway"]),
+        (["run", "absent.xodr"], ["absent.xodr", "no such file"]),
+        (["run", "--bus", "socketcan:can77"], ["can77"]),
+        (["run", "--bus", "nonsense"], ["nonsense", "INTERFACE:CHANNEL"]),
+        (["run", "--bus", "udp_multicast:239.0.0.1"], ["udp_multicast"]),
+        (["run", "--fast", "--log", "out.txt"], ["out.txt", ".blf"]),
+        (["run", "--fast", "--log", "/nowhere/out.log"], ["/nowhere/out.log"]),
+        (["run", "--fast", "--trace", "out.xyz"], ["out.xyz", ".npz"]),
+        (["run", "--fast", "--duration", "-3"], ["-3"]),
+        (["run", "--fast", "--duration", "long"], ["long"]),
+        (["run", "--fast", "--profile", "absent.toml"], ["absent.toml"]),
+        (["check", "absent.dbc"], ["absent.dbc"]),
+        (["decode", "absent.log"], ["absent.log"]),
+        (["score", "absent.npz"], ["absent.npz"]),
+        (["fly"], ["fly"]),
+        (["run", "--fsat"], ["--fsat"]),
+    ],
+)
+def test_a_mistake_on_the_command_line_is_one_line(capsys, words, expected):
+    status, _, err = vsensor(capsys, *words)
+    assert status == 2
+    assert_one_line(err, *expected)
+
+
+@needs_shared
+def test_fast_is_refused_on_a_hardware_bus(capsys, monkeypatch):
+    from vsensor import run as run_module
+
+    class Hardware:
+        name, is_simulated = "socketcan:can0", False
+
+        def close(self):
+            pass
+
+    monkeypatch.setattr(run_module, "open_bus", lambda specification, fd=False: Hardware())
+    status, _, err = vsensor(capsys, "run", "--fast", "--bus", "socketcan:can0", "--duration", 1)
+    assert status == 2
+    assert_one_line(err, "can0", "--fast")
+
+
+def test_a_map_cut_off_anywhere_is_one_line(capsys, tmp_path):
+    whole = (SHIPPED / "highway.xodr").read_bytes()
+    for share in (0.0, 0.1, 0.5, 0.9, 0.999):
+        path = tmp_path / "cut.xodr"
+        path.write_bytes(whole[: int(share * len(whole))])
+        status, _, err = vsensor(capsys, "run", path, "--fast", "--duration", 1)
+        assert status == 2
+        assert_one_line(err, "cut.xodr")
+
+
+def test_a_dbc_whose_ranges_exceed_its_bits_is_found_with_message_and_signal(capsys, tmp_path):
+    text = (REPOSITORY / "dbc" / "lds.dbc").read_text()
+    broken = re.sub(r"(SG_ LaneWidth .*)\[0\|20\.475\]", r"\1[0|100]", text)
+    assert broken != text
+    path = tmp_path / "broken.dbc"
+    path.write_text(broken)
+    status, out, _ = vsensor(capsys, "check", path)
+    assert status == 1
+    assert re.search(r"finding: LDS_Lane\.LaneWidth: range \[0\|100\] exceeds what 12 bits hold", out)
+    status, _, err = vsensor(capsys, "run", "--fast", "--duration", 1, "--dbc", path)
+    assert status == 2
+    assert_one_line(err, "broken.dbc", "LDS_Lane.LaneWidth", "12 bits")
+
+
+def test_garbage_lines_in_a_log_are_counted_and_the_good_ones_used(capsys, tmp_path):
+    log = tmp_path / "out.log"
+    vsensor(capsys, "run", "--fast", "--duration", 2, "--log", log)
+    lines = log.read_text().splitlines()
+    lines[100:100] = ["garbage", "(12.0) can0 XYZ#00"]
+    log.write_text("\n".join(lines) + "\n")
+    status, out, err = vsensor(capsys, "decode", log, "--csv")
+    assert status == 0
+    assert len(out.splitlines()) == 51
+    assert "2" in err
+    assert "101" in err
+
+
+@needs_shared
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), 400.0])
+def test_an_impossible_speed_in_a_log_names_time_and_signal(capsys, tmp_path, value, monkeypatch):
+    from vsensor.sources import drive
+
+    original = drive.Profile.decode_arrays
+
+    def spoiled(self, *args, **kwargs):
+        columns = original(self, *args, **kwargs)
+        if drive.SPEED in columns:
+            columns[drive.SPEED].values[50] = value
+        return columns
+
+    monkeypatch.setattr(drive.Profile, "decode_arrays", spoiled)
+    path = scenario_file(
+        tmp_path,
+        f'source = "{SHARED_DATA / "can" / "rav4_drive.log"}"\n'
+        f'[drive]\nprofile = ["toyota_rav4"]\ndbc = "{RAV4_DBC}"\n',
+    )
+    status, _, err = vsensor(capsys, "run", path, "--fast")
+    assert status == 2
+    assert_one_line(err, "rav4_drive.log", "ego.speed_mps", " s:")
+
+
+# --- a process of its own -----------------------------------------------------------------------------
+
+
+def started(*words, **options):
+    return subprocess.Popen(
+        [sys.executable, "-m", "vsensor.cli", *map(str, words)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        **options,
+    )
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_ends_a_run_with_its_summary_and_a_readable_log(tmp_path, number):
+    log, trace = tmp_path / "out.blf", tmp_path / "trace.npz"
+    process = started("run", "--bus", "virtual:ctrl", "--duration", 60, "--log", log, "--trace", trace)
+    assert "sending on" in process.stderr.readline()
+    time.sleep(1.5)
+    process.send_signal(number)
+    out, err = process.communicate(timeout=20)
+    assert process.returncode == 130, err
+    ticks = int(re.search(r"^(\d+) ticks", out)[1])
+    assert 0 < ticks < 1500
+    with can.LogReader(str(log)) as reader:
+        assert sum(1 for _ in reader) == 13 * ticks
+    from vsensor.sinks.trace import read_trace
+
+    assert read_trace(trace)["tick"].max() == ticks - 1
+
+
+def test_a_scenario_without_obstacles_never_imports_embreex(tmp_path):
+    own_map(tmp_path)
+    path = scenario_file(tmp_path, 'source = "highway.xodr"\n')
+    code = (
+        "import sys; from vsensor.cli import main\n"
+        f"status = main(['run', {str(path)!r}, '--fast', '--duration', '2'])\n"
+        "assert status == 0 and 'embreex' not in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+
+
+def test_a_scenario_with_the_camera_bypassed_never_projects(capsys, tmp_path, monkeypatch):
+    from vsensor import camera
+
+    def refuse(*_):
+        raise AssertionError("projected")
+
+    monkeypatch.setattr(camera, "project", refuse)
+    monkeypatch.setattr(camera, "unproject", refuse)
+    own_map(tmp_path)
+    bypassed = scenario_file(tmp_path, 'source = "highway.xodr"\n[camera]\nmodel = "none"\n')
+    assert vsensor(capsys, "run", bypassed, "--fast", "--duration", 1)[0] == 0
+    with pytest.raises(AssertionError, match="projected"):
+        main(["run", str(scenario_file(tmp_path, 'source = "highway.xodr"\n')), "--fast", "--duration", "1"])
+
+
+def test_output_into_a_closed_pipe_ends_quietly(tmp_path):
+    log = tmp_path / "out.log"
+    assert main(["run", "--fast", "--duration", "20", "--log", str(log), "--quiet"]) == 0
+    command = f"{sys.executable} -m vsensor.cli decode {log} | head -1"
+    done = subprocess.run(command, shell=True, capture_output=True, text=True, env=os.environ, check=True)
+    assert "left" in done.stdout
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize("command", ["", "run", "check", "decode", "score"])
+def test_help_teaches_every_command(capsys, command):
+    status, out, _ = vsensor(capsys, *command.split(), "--help")
+    assert status == 0
+    assert "vsensor" in out
+    assert len(out.splitlines()) > 8
