@@ -37,8 +37,6 @@ _CAN_FD = struct.Struct("<HBBL5xBB5x64s")  # channel, flags, dlc, id, FD flags, 
 _CAN_FD_64 = struct.Struct("<BxBxL4xL18xBB4x")  # channel, valid bytes, id, flags, direction, ext offset
 _CONTAINER, _CAN, _CAN_2, _ERROR, _ERROR_2, _FD, _FD_64 = 10, 1, 86, 2, 73, 100, 101
 _EXTENDED_BIT = 0x8000_0000
-FD_BITS = ((Flag.FD, 1), (Flag.BITRATE_SWITCH, 2), (Flag.ERROR_STATE, 4))
-"""Bits of the FD flags in object type 100."""
 FD_DLC = {length: dlc for dlc, length in enumerate(sorted(FD_LENGTHS))}
 """Data length -> DLC."""
 

@@ -10,8 +10,8 @@ import zlib
 from datetime import UTC, datetime
 from pathlib import Path
 
-from vsensor.logs.blf import FD_BITS, FD_DLC
-from vsensor.logs.table import Flag, Record
+from vsensor.logs.blf import FD_DLC
+from vsensor.logs.table import ERROR, EXTENDED, FD, REMOTE, TRANSMITTED, Record
 
 CONTAINER_BYTES = 1 << 14
 _FILE_HEADER_BYTES = 144
@@ -82,15 +82,15 @@ class BlfOutput:
 def _body(record: Record, channel: int) -> tuple[int, bytes]:
     """Return object type and body."""
     flags, data = record.flags, record.data
-    identifier = record.arbitration_id | (0x8000_0000 if flags & Flag.EXTENDED else 0)
-    bits = (1 if flags & Flag.TRANSMITTED else 0) | (0x80 if flags & Flag.REMOTE else 0)
-    if flags & Flag.ERROR:
+    identifier = record.arbitration_id | (0x8000_0000 if flags & EXTENDED else 0)
+    bits = (1 if flags & TRANSMITTED else 0) | (0x80 if flags & REMOTE else 0)
+    if flags & ERROR:
         return 73, _ERROR_EXT.pack(channel, 0, 0, 0, 0, FD_DLC[len(data)], 0, identifier, 0, data[:8])
-    if flags & Flag.FD:
-        fd_bits = sum(bit for flag, bit in FD_BITS if flags & flag)
+    if flags & FD:
+        fd_bits = flags >> 1 & 7  # FD, bit rate switch, error state: here as there
         head = (channel, bits, FD_DLC[len(data)], identifier, 0, 0, fd_bits, len(data))
         return 100, _CAN_FD.pack(*head, data)
-    return 1, _CAN.pack(channel, bits, len(data), identifier, b"" if flags & Flag.REMOTE else data)
+    return 1, _CAN.pack(channel, bits, len(data), identifier, b"" if flags & REMOTE else data)
 
 
 def _system_time(t_ns: int) -> tuple[int, ...]:

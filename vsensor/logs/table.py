@@ -31,6 +31,11 @@ class Flag(IntFlag):
     TRANSMITTED = 64  # sent by the recorder, not received
 
 
+EXTENDED, FD, BITRATE_SWITCH, ERROR_STATE = 1, 2, 4, 8
+ERROR, REMOTE, TRANSMITTED = 16, 32, 64
+"""The same bits as plain integers, for loops over frames: `int & IntFlag` takes 0.5 us."""
+
+
 class Columns(NamedTuple):
     """A run of frames as arrays of one length N; `data` is (N, 8) or (N, 64), zero beyond `length`."""
 

@@ -4,6 +4,7 @@ Text and BLF are written here, exact to the nanosecond (.log, .blf) and microsec
 asammdf at close, since it writes in bulk 100 times faster than frame by frame.
 """
 
+from array import array
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,7 +16,20 @@ from vsensor.errors import LogError
 from vsensor.logs.blf import FD_DLC
 from vsensor.logs.blf_write import BlfOutput
 from vsensor.logs.mf4 import require_asammdf, write_mf4
-from vsensor.logs.table import Flag, LogTable, Record, columns_from
+from vsensor.logs.table import (
+    BITRATE_SWITCH,
+    CLASSIC_BYTES,
+    ERROR,
+    ERROR_STATE,
+    EXTENDED,
+    FD,
+    FD_BYTES,
+    REMOTE,
+    TRANSMITTED,
+    Columns,
+    LogTable,
+    Record,
+)
 from vsensor.types import Frame
 
 
@@ -32,9 +46,9 @@ class LogWriter:
         self._output = output
         self._closed = False
 
-    def write(self, frame: Frame) -> None:
-        """Write a frame that was sent; `due_ns` is its time since 1970. Raises LogError (disk full)."""
-        self.write_record(_record(frame))
+    def write(self, frame: Frame, epoch_ns: int = 0) -> None:
+        """Write a frame that was sent at `epoch_ns + due_ns` since 1970. Raises LogError (disk full)."""
+        self.write_record(_record(frame, epoch_ns))
 
     def write_record(self, record: Record) -> None:
         """Write a frame with all flags, direction included. Raises LogError (disk full)."""
@@ -87,11 +101,10 @@ def write_log(path: Path | str, table: LogTable) -> None:
             writer.write_record(Record(t_ns, identifier, channel, flags, data))
 
 
-def _record(frame: Frame) -> Record:
-    flags = Flag.TRANSMITTED | Flag.EXTENDED * frame.is_extended | Flag.FD * frame.is_fd
-    flags |= Flag.BITRATE_SWITCH * frame.bitrate_switch | Flag.ERROR_STATE * frame.error_state_indicator
-    flags |= Flag.REMOTE * frame.is_remote | Flag.ERROR * frame.is_error
-    return Record(frame.due_ns, frame.arbitration_id, frame.channel, int(flags), frame.data)
+def _record(frame: Frame, epoch_ns: int) -> Record:
+    flags = TRANSMITTED | frame.is_extended | frame.is_fd << 1 | frame.bitrate_switch << 2
+    flags |= frame.error_state_indicator << 3 | frame.is_error << 4 | frame.is_remote << 5
+    return Record(frame.due_ns + epoch_ns, frame.arbitration_id, frame.channel, flags, frame.data)
 
 
 def _name(channels: tuple[str, ...], number: int) -> str:
@@ -115,21 +128,21 @@ class _Candump:
         seconds, rest = divmod(record.t_ns, 10**9)
         time = f"{seconds}.{rest // 1000:06d}" if rest % 1000 == 0 else f"{seconds}.{rest:09d}"
         flags = record.flags
-        if flags & Flag.ERROR:
+        if flags & ERROR:
             frame = f"20000080#{record.data.hex().upper()}"
         else:
-            digits = 8 if flags & Flag.EXTENDED else 3
+            digits = 8 if flags & EXTENDED else 3
             frame = f"{record.arbitration_id:0{digits}X}#{self._payload(record)}"
-        direction = "T" if flags & Flag.TRANSMITTED else "R"
+        direction = "T" if flags & TRANSMITTED else "R"
         self._file.write(f"({time}) {_name(self._channels, record.channel)} {frame} {direction}\n")
 
     @staticmethod
     def _payload(record: Record) -> str:
         flags = record.flags
-        if flags & Flag.REMOTE:
+        if flags & REMOTE:
             return f"R{len(record.data)}" if record.data else "R"
-        if flags & Flag.FD:
-            bits = (1 if flags & Flag.BITRATE_SWITCH else 0) | (2 if flags & Flag.ERROR_STATE else 0)
+        if flags & FD:
+            bits = (1 if flags & BITRATE_SWITCH else 0) | (2 if flags & ERROR_STATE else 0)
             return f"#{bits}{record.data.hex().upper()}"
         return record.data.hex().upper()
 
@@ -167,18 +180,18 @@ class _Asc:
     @staticmethod
     def _frame(record: Record, channel: int) -> str:
         flags = record.flags
-        if flags & Flag.ERROR:
+        if flags & ERROR:
             return f"{channel}  ErrorFrame"
-        identifier = f"{record.arbitration_id:X}{'x' if flags & Flag.EXTENDED else ''}"
-        direction = "Tx" if flags & Flag.TRANSMITTED else "Rx"
+        identifier = f"{record.arbitration_id:X}{'x' if flags & EXTENDED else ''}"
+        direction = "Tx" if flags & TRANSMITTED else "Rx"
         data = record.data.hex(" ").upper()
-        if flags & Flag.FD:
-            brs, esi = int(bool(flags & Flag.BITRATE_SWITCH)), int(bool(flags & Flag.ERROR_STATE))
+        if flags & FD:
+            brs, esi = int(bool(flags & BITRATE_SWITCH)), int(bool(flags & ERROR_STATE))
             bits = 0x1000 | brs << 13 | esi << 14
             head = f"CANFD {channel:3d} {direction:<4} {identifier:>8}  {'':32} {brs} {esi}"
             tail = f"{0:8d} {0:4d} {bits:8X} {0:8d} {0:8d} {0:8d} {0:8d} {0:8d}"
             return f"{head} {FD_DLC[len(record.data)]:x} {len(record.data):2d} {data} {tail}"
-        kind = f"r {len(record.data):x}" if flags & Flag.REMOTE else f"d {len(record.data):x} {data}"
+        kind = f"r {len(record.data):x}" if flags & REMOTE else f"d {len(record.data):x} {data}"
         return f"{channel}  {identifier:<15} {direction:<4} {kind}"
 
     def close(self) -> None:
@@ -206,15 +219,30 @@ class _Mf4:
         path.write_bytes(b"")  # refuse a path that cannot be written now, not after the drive
         self._path = path
         self._channels = channels
-        self._records: list[Record] = []
+        self._times = array("q")  # arrays, not records: the garbage collector need not look through them
+        self._ids = array("I")
+        self._rest = bytearray()  # channel, flags, length of each frame
+        self._data = bytearray()  # of all frames, one after the other
 
     def write(self, record: Record) -> None:
-        self._records.append(record)
+        self._times.append(record.t_ns)
+        self._ids.append(record.arbitration_id)
+        self._rest += bytes((min(record.channel, 255), record.flags, len(record.data)))
+        self._data += record.data
 
     def close(self) -> None:
-        columns = columns_from(self._records)
+        columns = self._columns()
         numbers = np.array([_number(self._channels, k) for k in range(256)])[columns.channel]
         write_mf4(self._path, columns, numbers.astype(np.uint8))
+
+    def _columns(self) -> Columns:
+        rest = np.frombuffer(bytes(self._rest), dtype=np.uint8).reshape(-1, 3)
+        length = rest[:, 2]
+        width = CLASSIC_BYTES if not len(length) or length.max() <= CLASSIC_BYTES else FD_BYTES
+        data = np.zeros((len(length), width), dtype=np.uint8)
+        data[np.arange(width) < length[:, None]] = np.frombuffer(bytes(self._data), dtype=np.uint8)
+        times, ids = np.array(self._times, dtype=np.int64), np.array(self._ids, dtype=np.uint32)
+        return Columns(times, ids, rest[:, 0], rest[:, 1], length, data)
 
 
 WRITERS: dict[str, Callable[[Path, tuple[str, ...]], _Format]] = {

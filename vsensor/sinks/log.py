@@ -1,6 +1,5 @@
 """Writes what was sent into a CAN log."""
 
-from dataclasses import replace
 from pathlib import Path
 
 from vsensor.logs import open_log_writer
@@ -21,7 +20,7 @@ class LogSink:
     def write(self, output: Output) -> None:
         """Write the frames of one tick."""
         for frame in output.frames:
-            self._writer.write(replace(frame, due_ns=frame.due_ns + self._epoch_ns))
+            self._writer.write(frame, self._epoch_ns)
 
     def close(self) -> None:
         """Write what is left and close the file."""
