@@ -119,6 +119,44 @@ def test_findings_that_a_map_survives_are_warnings_with_a_line(tmp_path):
     assert road_map.road(1).length_m == 100.0
 
 
+@pytest.mark.parametrize(
+    ("wrong", "right", "says"),
+    [
+        (
+            '<width sOffset="0"',
+            '<width sOffset="5"',
+            "<width>: the first one starts at sOffset = 5: 0 before it",
+        ),
+        (
+            "<elevationProfile>",
+            '<elevationProfile><elevation s="9" a="1" b="0" c="0" d="0"/>',
+            "s = 9: 0 before",
+        ),
+        ("<lateralProfile>", '<lateralProfile><crossfall side="both"/>', "<crossfall>: is ignored"),
+        ('type="solid"/>', 'type="solid"><sway/></roadMark>', "<sway>: is ignored"),
+        ('type="solid"/>', 'type="wavy"/>', 'type="wavy" is not known'),
+        ('type="solid"/>', 'type="solid" color="pink"/>', 'color="pink" is not known'),
+        (
+            "<link></link><planView>",
+            '<link><successor elementId="8"/></link><planView>',
+            "road 8, is not in the map",
+        ),
+        ('<width sOffset="0" a="3.5" b="0" c="0" d="0"/>', "", "neither width nor border"),
+        ("<header ", "<kopf ", "no <header>"),
+        ('revMinor="7"', 'revMinor="1"', "OpenDRIVE 1.1 is read as"),
+        ('id="1" type', 'id="3" type', "lane ids are not counted on from the centre"),
+    ],
+)
+def test_what_is_doubtful_is_told_and_driven(tmp_path, wrong, right, says):
+    text = document(road())
+    assert wrong in text
+    path = tmp_path / "map.xodr"
+    path.write_text(text.replace(wrong, right))
+    road_map = load_map(path)
+    assert says in " ".join(road_map.warnings)
+    assert Corridor(road_map).markings_window(0.0, 10.0)
+
+
 def test_a_missing_road_is_named_with_those_that_exist(tmp_path):
     with pytest.raises(MapError, match=r"road 7 not in map; roads: 1, 2"):
         loaded(tmp_path, road(), road(number=2)).road(7)

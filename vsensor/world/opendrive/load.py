@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from vsensor.types import frozen
-from vsensor.world.opendrive.load_lanes import read_cubic, read_lanes
+from vsensor.world.opendrive.load_lanes import read_cubic, read_cubics, read_lanes
 from vsensor.world.opendrive.load_plan import LENGTH_TOLERANCE_M, LONGEST_ROAD_M, read_plan_view
 from vsensor.world.opendrive.planview import PlanView
 from vsensor.world.opendrive.polynomial import CubicRecord, Cubics
@@ -87,7 +87,7 @@ def _length(reader: MapReader, element: Element, plan: PlanView) -> float:
 
 
 def _cubics(reader: MapReader, elements: Iterable[Element]) -> Cubics:
-    return Cubics.of([read_cubic(reader, element, "s") for element in elements])
+    return Cubics.of(read_cubics(reader, tuple(elements), "s"))
 
 
 def _shape(reader: MapReader, lateral: Element | None) -> Shape | None:

@@ -1,5 +1,7 @@
 """Lane sections of one road from XML, `singleSide` resolved."""
 
+from collections.abc import Sequence
+
 from vsensor.world.opendrive.lanes import Lane, Section
 from vsensor.world.opendrive.marks import read_marks
 from vsensor.world.opendrive.polynomial import START_TOLERANCE_M, CubicRecord, Cubics
@@ -39,6 +41,14 @@ def read_cubic(reader: MapReader, element: Element, start: str) -> CubicRecord:
     """Return the record's start (attribute `start`) and its coefficients a, b, c, d."""
     a, b, c, d = (reader.number(element, name) for name in "abcd")
     return reader.number(element, start), a, b, c, d
+
+
+def read_cubics(reader: MapReader, elements: Sequence[Element], start: str) -> list[CubicRecord]:
+    """Return the records of a curve that ought to be given from 0 on."""
+    records = [read_cubic(reader, element, start) for element in elements]
+    if records and min(record[0] for record in records) > START_TOLERANCE_M:
+        reader.warn(elements[0], f"the first one starts at {start} = {records[0][0]:g}: 0 before it")
+    return records
 
 
 def _ordered(reader: MapReader, lanes: Element, length_m: float) -> list[tuple[float, Element]]:
@@ -100,7 +110,7 @@ def _width(reader: MapReader, el: Element, side: int, start_m: float) -> tuple[C
     if side == 0:
         return Cubics.of([]), False
     is_border = next(children(el, "width"), None) is None
-    read = [read_cubic(reader, e, "sOffset") for e in children(el, "border" if is_border else "width")]
+    read = read_cubics(reader, tuple(children(el, "border" if is_border else "width")), "sOffset")
     records = [(start_m + s if s > START_TOLERANCE_M else start_m, a, b, c, d) for s, a, b, c, d in read]
     if not records:
         reader.warn(el, "neither width nor border: taken as 0 m wide")

@@ -137,6 +137,8 @@ def _mark(reader: MapReader, el: Element, side: int, section_m: float, road_type
     double = words.split() if words in DOUBLE_WORDS else []
     if not double and words not in SINGLE_KINDS:
         reader.warn(el, f'type="{shortened(words)}" is not known: taken as painted, kind unknown')
+    for sway in children(el, "sway"):
+        reader.warn(sway, "is ignored: the mark is laid along its border")
     stripes = list(_lines(reader, el, start, width))
     if not stripes:
         stripes = _default(words, double, side, start, width, road_type)
