@@ -177,6 +177,19 @@ def test_a_kind_told_by_a_bit_each_is_put_together_again(tmp_path):
     )
 
 
+@pytest.mark.parametrize(
+    ("said", "expected_mps"),
+    [('"ego.speed_mps"', 20.0), ('{ quantity = "ego.speed_mps", unit = "m/s" }', 72.0)],
+)
+def test_without_a_word_in_the_profile_the_databases_unit_counts(tmp_path, said, expected_mps):
+    database = load_profile("vehicle").database.resolve()
+    text = f'role = "vehicle"\n[messages.VEH_Motion.signals]\nVehicleSpeed = {said}\n'
+    profile = load_profile(written(tmp_path, text, database))
+    data, _ = encode(profile.messages[0].layout, {"VehicleSpeed": 72.0})
+    found = profile.decode(Frame(due_ns=0, arbitration_id=0x100, data=bytes(data)))
+    assert found == {"ego.speed_mps": pytest.approx(expected_mps)}
+
+
 def rav4_frames():
     frames = []
     for line in (SHARED_DATA / "can" / "rav4_drive.log").read_text().splitlines():
