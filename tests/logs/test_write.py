@@ -7,7 +7,8 @@ import pytest
 from tests.shared import SHARED_DATA, needs_shared
 from vsensor.errors import LogError
 from vsensor.logs import Flag, LogTable, open_log_writer, read_log, write_log
-from vsensor.logs.table import Notes, Record, columns_from, table_from
+from vsensor.logs.report import Notes
+from vsensor.logs.table import Record, columns_from, table_from
 from vsensor.types import Frame
 
 SUFFIXES = (".log", ".asc", ".blf", ".mf4")

@@ -1,7 +1,8 @@
 """CAN logs: read, written, decoded in bulk."""
 
 from vsensor.logs.read import READERS, iter_frames, log_format, read_log
-from vsensor.logs.table import Columns, Flag, LogReport, LogTable, Notes, Record, frames_of
+from vsensor.logs.report import LogReport, Notes
+from vsensor.logs.table import Columns, Flag, LogTable, Record, frames_of
 from vsensor.logs.write import WRITERS, LogWriter, open_log_writer, write_log
 
 __all__ = [

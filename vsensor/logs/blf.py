@@ -17,6 +17,7 @@ from typing import BinaryIO
 
 import numpy as np
 
+from vsensor.logs.report import Notes
 from vsensor.logs.table import (
     CLASSIC_BYTES,
     FD_LENGTHS,
@@ -24,7 +25,6 @@ from vsensor.logs.table import (
     MAX_STANDARD_ID,
     Columns,
     Flag,
-    Notes,
     Record,
     columns_from,
     joined,

@@ -15,6 +15,7 @@ from typing import BinaryIO
 
 import numpy as np
 
+from vsensor.logs.report import Notes
 from vsensor.logs.table import (
     CLASSIC_BYTES,
     FD_BYTES,
@@ -23,7 +24,6 @@ from vsensor.logs.table import (
     MAX_STANDARD_ID,
     Columns,
     Flag,
-    Notes,
 )
 from vsensor.types import IntArray
 

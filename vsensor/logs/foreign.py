@@ -14,6 +14,7 @@ from typing import Any, TextIO
 
 import can
 
+from vsensor.logs.report import Notes
 from vsensor.logs.table import (
     CLASSIC_BYTES,
     FD_LENGTHS,
@@ -21,7 +22,6 @@ from vsensor.logs.table import (
     MAX_STANDARD_ID,
     Columns,
     Flag,
-    Notes,
     Record,
     columns_from,
 )

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsensor.errors import MissingExtraError
-from vsensor.logs.table import CLASSIC_BYTES, FD_BYTES, Columns, Flag, Notes, joined
+from vsensor.logs.report import Notes
+from vsensor.logs.table import CLASSIC_BYTES, FD_BYTES, Columns, Flag, joined
 
 _GROUPS = {"CAN_DataFrame": 0, "CAN_RemoteFrame": int(Flag.REMOTE), "CAN_ErrorFrame": int(Flag.ERROR)}
 _BITS = {"EDL": Flag.FD, "BRS": Flag.BITRATE_SWITCH, "ESI": Flag.ERROR_STATE, "Dir": Flag.TRANSMITTED}

@@ -10,7 +10,8 @@ from vsensor.logs.blf import read_blf
 from vsensor.logs.candump import read_candump
 from vsensor.logs.foreign import read_asc, read_csv, read_trc
 from vsensor.logs.mf4 import read_mf4
-from vsensor.logs.table import Columns, LogTable, Notes, frames_of, joined, table_from
+from vsensor.logs.report import Notes
+from vsensor.logs.table import Columns, LogTable, frames_of, joined, table_from
 from vsensor.logs.unpack import GzipStream
 from vsensor.types import Frame
 
