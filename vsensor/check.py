@@ -7,7 +7,6 @@ from pathlib import Path
 from vsensor.clock import SimulatedClock
 from vsensor.codec import Database, audit, load_database
 from vsensor.config import SHIPPED, Scenario, load_scenario
-from vsensor.errors import ConfigError
 from vsensor.line import Line, build_line
 from vsensor.logs import read_log
 from vsensor.profile import Profile, load_profile, quantisation_error_m, shipped_profiles
@@ -119,9 +118,10 @@ def _model_lines(scenario: Scenario, line: Line) -> list[str]:
     config = scenario.config
     camera = config.camera
     grid = f"{camera.width_px} x {camera.height_px} px" if camera.pixel_grid else "no pixel grid"
+    optics = f"{camera.model}, {grid}, occlusion {camera.occlusion}"
     models = {
         "world": f"{len(config.traffic)} vehicles" if config.traffic else "no traffic",
-        "camera": "bypassed" if camera.model == "none" else f"{camera.model}, {grid}, {camera.occlusion} occlusion",
+        "camera": "bypassed" if camera.model == "none" else optics,
         "region+error": f"range by speed {'on' if config.region.enabled else 'off'}, "
         f"errors {config.error_model.mode}",
         "fit+track": f"order {config.fit.order}, {config.fit.weighting} weights",

@@ -9,7 +9,7 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, NoReturn, TypeAlias
 
 from vsensor.errors import VsensorError
 
@@ -158,7 +158,8 @@ def _version() -> str:
         return "vsensor (not installed)"
 
 
-Commands = argparse._SubParsersAction[_Parser] if TYPE_CHECKING else object  # no public name for it
+if TYPE_CHECKING:
+    Commands: TypeAlias = argparse._SubParsersAction[_Parser]  # argparse has no public name for it
 
 
 def _command(

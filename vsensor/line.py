@@ -19,7 +19,7 @@ from vsensor.sources import LOG_SUFFIXES, Inputs, Source
 from vsensor.sources.drive import RecordedDrive
 from vsensor.sources.map_drive import MapDrive
 from vsensor.state import StateConfig
-from vsensor.transmit import Transmitter, TransmitState
+from vsensor.transmit import TransmitState, Transmitter
 from vsensor.types import Frame, Output, Tick
 
 
@@ -126,9 +126,10 @@ def build_source(scenario: Scenario) -> MapDrive | RecordedDrive:
     if not path.is_file():
         raise ConfigError(f"{scenario.path or 'source'}: source = {config.source!r}: no such file {path}")
     environment = config.environment.environment()
+    reach_m = config.scene.range_m
     if path.suffix.lower() in LOG_SUFFIXES:
-        return RecordedDrive.load(path, config.drive, config.road, scenario.folder, environment)
-    return MapDrive.load(path, config.ego, config.traffic, environment)
+        return RecordedDrive.load(path, config.drive, config.road, scenario.folder, environment, reach_m)
+    return MapDrive.load(path, config.ego, config.traffic, environment, reach_m)
 
 
 def tick_count(scenario: Scenario, source: MapDrive | RecordedDrive) -> int | None:

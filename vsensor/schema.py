@@ -58,7 +58,7 @@ def check_schema(data: dict[str, Any], expected: str, where: str) -> dict[str, A
         raise ConfigError(f'{where}: schema is {found!r}, expected schema = "{expected}"')
     if int(match[1]) > int(version) or int(match[1]) < 1:
         raise ConfigError(
-            f"{where}: schema {found!r} is not known to this version of vsensor, which reads up to {expected!r}"
+            f"{where}: schema {found!r} is newer than this version of vsensor, which reads up to {expected!r}"
         )
     return {key: value for key, value in data.items() if key != "schema"}
 

@@ -1,6 +1,6 @@
 """The sensor's line joined: from what is there to what would be reported, once per image.
 
-Snapshot -> camera -> Observation -> region, error model -> Detections -> fits, tracker, quality -> LaneEstimate
+Snapshot --camera--> Observation --region, errors--> Detections --fit, tracker, quality--> LaneEstimate
 """
 
 from collections.abc import Callable

@@ -41,8 +41,8 @@ LONGEST_GAP_S = 1.0
 """A signal that is silent for longer leaves the path unknown; vehicle signals come every 10 to 100 ms."""
 LARGEST = {SPEED: 150.0, YAW_RATE: 10.0}
 """No road vehicle is faster (m/s), or turns faster (rad/s): beyond it a profile or log is wrong."""
-VIEW_M = 250.0
 BEHIND_M = 20.0
+LONGER_THAN_X = 1.3  # a road that turns by 60 degrees within the range is 1.2 times as long as its x
 
 
 class DriveConfig(Config, frozen=True, kw_only=True):
@@ -203,10 +203,12 @@ class RecordedDrive:
         drive: Drive,
         road: LaidRoad,
         environment: Environment | None = None,
+        range_m: float = 100.0,
     ) -> None:
         self.drive = drive
         self.road = road
         self._environment = environment if environment is not None else Environment()
+        self._view_m = LONGER_THAN_X * range_m + BEHIND_M
         self._start_ns = int(drive.path.t_ns[0])
         self._stop_ns = int(drive.path.t_ns[-1])
 
@@ -218,10 +220,11 @@ class RecordedDrive:
         road: LaidRoadConfig,
         folder: Path = Path(),
         environment: Environment | None = None,
+        range_m: float = 100.0,
     ) -> "RecordedDrive":
         """Read a log and lay its road; raises as `load_drive`."""
         drive = load_drive(log, config, folder)
-        return cls(drive, lay_road(road, drive.path, config.offset_m), environment)
+        return cls(drive, lay_road(road, drive.path, config.offset_m), environment, range_m)
 
     @property
     def findings(self) -> tuple[str, ...]:
@@ -252,6 +255,6 @@ class RecordedDrive:
             acceleration_mps2=pose.acceleration_mps2,
             lateral_acceleration_mps2=pose.speed_mps * pose.yaw_rate_radps,
         )
-        markings = self.road.markings_window(pose.s_m - BEHIND_M, pose.s_m + VIEW_M)
+        markings = self.road.markings_window(pose.s_m - BEHIND_M, pose.s_m + self._view_m)
         scene = Scene(markings=markings, environment=self._environment)
         return None, Snapshot(t_ns=tick.t_ns, ego=ego, scene=scene)
