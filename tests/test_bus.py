@@ -84,6 +84,13 @@ def test_a_stamp_that_does_not_count_from_1970_is_replaced_by_the_time_of_draini
     assert bus_module._received_ns(can.Message(timestamp=12.5), now_ns, offset_ns) == now_ns
 
 
+def test_a_stamp_of_unix_time_becomes_monotonic_time_to_the_microsecond():
+    now_ns, offset_ns = 5_000_000_000, 1_700_000_000_000_000_000
+    message = can.Message(timestamp=1_700_000_004.25)
+    step_ns = 240  # of a float of Unix seconds
+    assert bus_module._received_ns(message, now_ns, offset_ns) == pytest.approx(4_250_000_000, abs=step_ns)
+
+
 def test_auto_is_a_simulated_virtual_bus_where_there_is_no_vcan0(no_interfaces):
     with open_bus("auto") as bus:
         assert (bus.name, bus.is_simulated) == ("virtual:vsensor", True)
