@@ -1,5 +1,9 @@
 """Logs written and read again, and read by others."""
 
+import os
+import shutil
+import subprocess
+
 import can
 import numpy as np
 import pytest
@@ -71,6 +75,25 @@ def test_python_can_reads_what_was_written(tmp_path, suffix):
     assert data == [r.data for r in records if not r.flags & Flag.REMOTE]
     steps_us = np.round(np.diff([m.timestamp for m in messages]) * 1e6)
     assert steps_us.tolist() == (np.diff([r.t_ns for r in records]) // 1000).tolist()
+
+
+@pytest.mark.skipif(
+    shutil.which("asc2log") is None and not os.environ.get("CI"), reason="needs asc2log of Debian's can-utils"
+)
+def test_can_utils_translate_our_asc_into_our_candump_text(tmp_path):
+    records = KINDS[:-1]
+    write_log(tmp_path / "kinds.asc", table_of(records))
+    write_log(tmp_path / "kinds.log", table_of(records))
+    theirs = subprocess.run(
+        ["asc2log", "-I", tmp_path / "kinds.asc"], capture_output=True, text=True, check=True, timeout=20
+    ).stdout
+    ours = (tmp_path / "kinds.log").read_text()
+    assert [line.split(")")[1] for line in theirs.splitlines()] == [
+        line.split(")")[1] for line in ours.splitlines()
+    ]
+    (tmp_path / "theirs.log").write_text(theirs)
+    steps = [np.diff(read_log(tmp_path / name).t_ns).tolist() for name in ("theirs.log", "kinds.log")]
+    assert steps[0] == steps[1]
 
 
 def test_frames_that_were_sent_are_marked_as_sent(tmp_path, suffix):
