@@ -107,7 +107,7 @@ def test_markings_are_those_around_the_ego(folder):
     _, snapshot = drive.advance(None, tick(500), ())  # at 400 m
     for marking in snapshot.scene.markings:
         assert marking.points_world_m[0, 0] == pytest.approx(380.0, abs=0.2)
-        assert marking.points_world_m[-1, 0] == pytest.approx(650.0, abs=0.2)
+        assert marking.points_world_m[-1, 0] == pytest.approx(400.0 + 1.3 * 100.0 + 20.0, abs=0.2)
 
 
 def test_the_vehicle_runs_beside_its_lanes_centre_as_configured(folder):
@@ -210,6 +210,15 @@ def test_garbage_lines_of_the_log_are_among_the_findings(folder):
     log.write_text("garbage\n" + log.read_text())
     assert any(
         "1 lines are no CAN frames" in finding for finding in load_drive(log, config(), folder).findings
+    )
+
+
+def test_a_clean_log_has_notes_but_no_findings(folder):
+    drive = source(folder, [20.0] * 100, [0.0] * 100, yaw_rate_offset_degps="auto")
+    assert drive.findings == ()
+    assert drive.notes[0].endswith("made.log: 100 frames, 1 ids, 1.980 s, channels can0")
+    assert "yaw-rate offset +0.0000 deg/s removed (too short" in drive.notes[-1].replace(
+        "none: the drive is ", ""
     )
 
 
