@@ -187,6 +187,18 @@ def test_the_borders_of_the_bend_of_100_m_are_circles_in_the_window():
     np.testing.assert_allclose(radius, 100.0, atol=1e-8)
 
 
+@pytest.mark.parametrize("lane_id", [-1, 1])
+@pytest.mark.parametrize("step", [7.0, 10.0, 12.3, 25.0])
+def test_a_solid_line_has_no_hole_at_a_joint(tmp_path, lane_id, step):
+    plan = geometry('<arc curvature="0.002"/>', 100.0)
+    starts = np.arange(0.0, 100.0, step)
+    lanes = [section(left=[lane(1)], right=[lane(-1)], s=float(s)) for s in starts]
+    road_map = loaded(tmp_path, road(plan, "".join(lanes)))
+    for line in Corridor(road_map, CorridorConfig(road="1", lane=lane_id)).markings_window(0.0, 100.0):
+        assert len(line.painted) > 990
+        assert line.painted.all()
+
+
 def double_road(tmp_path, lane_id):
     """Return a corridor whose centre line is single, then double from 50 m on (solid left, broken right)."""
     marks = '<roadMark sOffset="0" type="broken"/><roadMark sOffset="50" type="solid broken" width="0.1"/>'

@@ -4,11 +4,12 @@ import math
 
 import pytest
 
-from tests.maps import geometry, lane, loaded, real, road, section
+from tests.maps import REAL_MAPS, geometry, lane, loaded, real, road, section
 from tests.shared import needs_shared
 from vsensor.errors import MapError
 from vsensor.world.corridor import Corridor
-from vsensor.world.opendrive import Place, auto_start, following
+from vsensor.world.opendrive import Place, auto_start, following, load_map
+from vsensor.world.opendrive.network import drivable, lane_end
 from vsensor.world.route import CorridorConfig
 
 AHEAD = '<successor elementType="road" elementId="2" contactPoint="{}"/>'
@@ -136,6 +137,18 @@ def test_a_closed_circuit_goes_on_for_ever(name):
     corridor = Corridor(real(name))
     assert corridor.length_m == math.inf
     assert corridor.reaches(5000.0)
+
+
+@needs_shared
+@pytest.mark.parametrize("path", REAL_MAPS, ids=lambda path: path.stem)
+def test_every_lane_of_a_real_map_goes_on_where_it_ends(path):
+    road_map = load_map(path)
+    for place in drivable(road_map):
+        end, heading = lane_end(road_map, place, leaving=True)
+        for way in following(road_map, place):
+            start, next_heading = lane_end(road_map, way, leaving=False)
+            assert math.dist(start, end) < 2e-3  # Town04's own numbers gape by 1.5 mm
+            assert abs(math.remainder(next_heading - heading, 2 * math.pi)) < 0.02
 
 
 @needs_shared

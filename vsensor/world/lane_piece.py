@@ -102,7 +102,9 @@ class LanePiece:
         x = np.clip((sigma_m - sigma[k]) / h, 0.0, 1.0)
         rise = driven[k + 1] - driven[k]
         a, b = first[k] * h - rise, rise - last[k] * h
-        return np.asarray(self._s(driven[k] + x * rise + x * (1.0 - x) * ((1.0 - x) * a + x * b)))
+        s = self._s(driven[k] + x * rise + x * (1.0 - x) * ((1.0 - x) * a + x * b))
+        low, high = sorted((self.s_from_m, self.s_to_m))  # rounding must not step into another section
+        return np.asarray(np.minimum(np.maximum(s, low), high))
 
     def frames(self, sigma_m: Array) -> Frames:
         """Return position and axes of the lane's middle at distances (N,); up is the road's normal."""
