@@ -153,10 +153,15 @@ def test_while_driving_the_offset_is_found_below_the_signals_step_and_in_spite_o
     assert abs(np.degrees(rate.mean()) + 0.41) > 1.0  # the plain mean would be far off
 
 
-def test_a_drive_too_short_to_tell_has_no_offset_removed():
-    found = yaw_rate_offset(times(10), np.full(10, 0.1), np.full(10, 20.0))
+@pytest.mark.parametrize(
+    ("seconds", "rate", "reason"),
+    [(29, 0.01, "less than 30 s"), (0.1, 0.01, "less than"), (60, 0.2, "more than any")],
+)
+def test_a_bend_is_not_taken_for_an_offset(seconds, rate, reason):
+    count = int(seconds / 0.012)
+    found = yaw_rate_offset(times(count), np.full(count, rate), np.full(count, 20.0))
     assert found.offset_radps == 0.0
-    assert "too short" in found.method
+    assert reason in found.method
 
 
 def rav4(**changes):

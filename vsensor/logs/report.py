@@ -73,18 +73,23 @@ class LogReport:
     fault: str | None
 
     def lines(self) -> list[str]:
-        """Return the findings as sentences, one line each; the first always says what was read."""
+        """Return what is in the log and what is wrong with it, as sentences; the first says what was read."""
         seconds = (self.last_ns - self.first_ns) / 1e9
         channels = ", ".join(self.channels)
         found = [f"{self.path}: {self.frames} frames, {self.ids} ids, {seconds:.3f} s, channels {channels}"]
+        if self.repeated_timestamps:
+            share = self.repeated_timestamps / max(1, self.frames - 1)
+            found.append(f"{self.repeated_timestamps} intervals between frames are 0 ({share:.1%})")
+        return found + self.problems()
+
+    def problems(self) -> list[str]:
+        """Return what is wrong with the log, as sentences; [] for a clean one."""
+        found = []
         if self.garbage_lines:
             number, text = self.first_garbage[0]
             found.append(f"{self.garbage_lines} lines are no CAN frames, first line {number}: {text!r}")
         if self.impossible_frames:
             found.append(f"{self.impossible_frames} frames left out: {self.first_impossible}")
-        if self.repeated_timestamps:
-            share = self.repeated_timestamps / max(1, self.frames - 1)
-            found.append(f"{self.repeated_timestamps} intervals between frames are 0 ({share:.1%})")
         if self.backward_timestamps:
             found.append(f"{self.backward_timestamps} timestamps run backwards")
         if self.fault is not None:

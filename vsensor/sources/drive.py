@@ -65,10 +65,14 @@ class DriveConfig(Config, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drive:
-    """Ego motion of a log: the path, the yaw-rate offset taken off, and what was found on the way."""
+    """Ego motion of a log: the path and the yaw-rate offset taken off.
+
+    `notes` say what is in the log and what was done with it, `findings` what is wrong with it.
+    """
 
     path: DrivenPath
     offset: OffsetEstimate
+    notes: tuple[str, ...]
     findings: tuple[str, ...]
 
 
@@ -90,9 +94,11 @@ def load_drive(log: Path, config: DriveConfig, folder: Path = Path()) -> Drive:
     speed_at = resampled(times_ns, speed, at_ns) * config.speed_factor
     rate_at = resampled(rate_ns, rate, at_ns) - offset.offset_radps
     path = integrated(at_ns, speed_at, rate_at)
-    found = f"yaw-rate offset {np.degrees(offset.offset_radps):+.4f} deg/s removed ({offset.method}, "
-    found += f"{offset.seconds:.0f} s); {path.s_m[-1]:.0f} m driven"
-    return Drive(path=path, offset=offset, findings=(*table.report.lines(), found))
+    removed = f"yaw-rate offset {np.degrees(offset.offset_radps):+.4f} deg/s removed ({offset.method}, "
+    removed += f"{offset.seconds:.0f} s); {path.s_m[-1]:.0f} m driven"
+    findings = table.report.problems()
+    notes = [line for line in table.report.lines() if line not in findings]
+    return Drive(path=path, offset=offset, notes=(*notes, removed), findings=tuple(findings))
 
 
 def _in_folder(name: str, folder: Path) -> str:
@@ -228,8 +234,13 @@ class RecordedDrive:
 
     @property
     def findings(self) -> tuple[str, ...]:
-        """What was found in the log, as sentences."""
+        """What is wrong with the log, as sentences."""
         return self.drive.findings
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is in the log and what was done with it, as sentences."""
+        return self.drive.notes
 
     @property
     def duration_s(self) -> float:

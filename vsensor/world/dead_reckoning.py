@@ -21,6 +21,11 @@ STANDING_S = 1.0
 WINDOW_S = 2.0
 """Yaw rate is averaged over this before the median: long against the dither of a coarse signal step."""
 
+DRIVEN_S = 30.0
+"""A shorter drive may be one bend, which must not be taken for an offset."""
+LARGEST_OFFSET_RADPS = 0.05
+"""Nor must more than this (2.9 deg/s): offsets of automotive yaw-rate sensors stay within 3 deg/s."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OffsetEstimate:
@@ -37,7 +42,8 @@ def yaw_rate_offset(t_ns: IntArray, yaw_rate_radps: Array, speed_mps: Array) -> 
     Where the vehicle stands, whatever the sensor reads is offset: the mean over standstill, if that
     lasts long enough. Otherwise the median of 2 s means while driving: bends and lane changes lie to
     both sides or are the smaller part of a drive, and the mean over 2 s resolves what is finer than
-    the signal's step. It errs on a drive that bends one way for most of its time.
+    the signal's step. It errs on a drive that bends one way for most of its time; a drive of less than
+    30 s, or an offset that no sensor has, is left alone.
     """
     step_s = _steps_s(t_ns)
     standing = np.abs(speed_mps) < STANDING_MPS
@@ -47,10 +53,13 @@ def yaw_rate_offset(t_ns: IntArray, yaw_rate_radps: Array, speed_mps: Array) -> 
         return OffsetEstimate(offset_radps=mean, method="standstill", seconds=standing_s)
     means = _window_means(t_ns, yaw_rate_radps, step_s, ~standing)
     driven_s = float(step_s[~standing].sum())
-    if not len(means):
-        return OffsetEstimate(offset_radps=0.0, method="none: the drive is too short", seconds=driven_s)
-    median = float(np.median(means))
-    return OffsetEstimate(offset_radps=median, method="median of 2 s means while driving", seconds=driven_s)
+    median = float(np.median(means)) if len(means) else 0.0
+    method = "median of 2 s means while driving"
+    if driven_s < DRIVEN_S:
+        median, method = 0.0, f"none: less than {DRIVEN_S:.0f} s of driving"
+    elif abs(median) > LARGEST_OFFSET_RADPS:
+        median, method = 0.0, "none: it would be more than any sensor has"
+    return OffsetEstimate(offset_radps=median, method=method, seconds=driven_s)
 
 
 def _steps_s(t_ns: IntArray) -> Array:
