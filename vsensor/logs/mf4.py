@@ -33,7 +33,8 @@ def require_asammdf() -> Any:
 def read_mf4(stream: BinaryIO, notes: Notes) -> Iterator[Columns]:
     """Yield all CAN frames of the file in order of time, as one run; a fault is kept in `notes`.
 
-    Raises MissingExtraError without asammdf.
+    Raises MissingExtraError without asammdf. A file with flipped bytes can end the whole process: seen
+    in asammdf 8.8's C code (heap corruption in get_master), where no exception comes that could be caught.
     """
     asammdf = require_asammdf()
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # it prints what is raised here anyway
