@@ -280,9 +280,9 @@ def test_a_long_drive_keeps_no_more_than_its_window():
     for s in np.arange(0.0, 20_000.0, 50.0):
         corridor.markings_window(s, s + 100.0)
         corridor.pose(s)
-    assert len(corridor._strips) <= 12
-    assert len(corridor._pages) <= 3
-    assert len(corridor._tables) <= 12
+    assert len(corridor._windows._strips) <= 12
+    assert len(corridor._windows._pages) <= 3
+    assert len(corridor._blocks._tables) <= 12
     assert len({id(block.piece) for block in corridor._blocks}) <= 12  # pieces are shared by all laps
 
 
@@ -298,10 +298,10 @@ def test_the_short_cubics_agree_with_the_maps_own_curves(path):
     corridor = Corridor(load_map(path))
     end = min(corridor.length_m, 1000.0) - 1e-6
     s = np.linspace(0.0, end, 4001)
-    poses, numbers = corridor.poses(s), corridor._numbers(s)
+    poses, numbers = corridor.poses(s), corridor._blocks.numbers_at(s)
     for number in set(numbers):
         block, mine = corridor._blocks[number], numbers == number
-        exact = block.piece.frames(s[mine] - block.sigma_m)
+        exact = block.piece.frames(s[mine] - block.start_m)
         np.testing.assert_allclose(poses.position_world_m[mine], exact.position.T, atol=3e-6)
         yaw = np.arctan2(exact.forward[1], exact.forward[0])
         np.testing.assert_allclose(np.sin(poses.yaw_rad[mine] - yaw), 0.0, atol=1e-6)

@@ -1,0 +1,75 @@
+"""The borders along the route as windows: views into pages, which join the borders of several blocks."""
+
+import math
+from collections import OrderedDict
+
+import numpy as np
+
+from vsensor.types import Marking
+from vsensor.world.blocks import Blocks, cached
+from vsensor.world.borders import border_lines
+from vsensor.world.page import Page, Strip, join
+
+PAGE_M = 200.0
+REACH_M = 300.0
+"""A page starts every 200 m and reaches 300 m past the next page's start."""
+
+PAGES_KEPT = 3
+
+
+class Windows:
+    """Samples blocks at the stations, joins them to pages, and keeps only those around the last window."""
+
+    def __init__(self, blocks: Blocks, spacing_m: float) -> None:
+        self._blocks = blocks
+        self._spacing_m = spacing_m
+        self._strips: dict[int, Strip] = {}
+        self._pages: OrderedDict[tuple[int, int], Page] = OrderedDict()
+        self._ready_page = -1
+
+    def between(self, s_from_m: float, s_to_m: float) -> tuple[Marking, ...]:
+        """Return the borders between two distances, see `Corridor.markings_window`."""
+        number = max(0, math.floor(s_from_m / PAGE_M))
+        length = max(1, math.ceil((s_to_m - number * PAGE_M) / (PAGE_M + REACH_M)))
+        page = cached(self._pages, (number, length), PAGES_KEPT, lambda: self._page(number, length))
+        if self._ready_page != number + 1:
+            self._prepare(number + 1)
+        first = math.ceil(s_from_m / self._spacing_m - 1e-9)
+        return page.window(first, math.floor(s_to_m / self._spacing_m + 1e-9) + 1)
+
+    def _prepare(self, number: int) -> None:
+        """Do one step towards the page that comes next, so that no single tick pays for all of it."""
+        start, end = number * PAGE_M, (number + 1) * PAGE_M + REACH_M
+        if self._blocks.end_m < end and self._blocks.extend():
+            return
+        for i in self._blocks.between(start, end):
+            piece = self._blocks[i].piece
+            if i not in self._strips or not self._blocks.has_table(piece):
+                self._strip(i)
+                self._blocks.table(piece)
+                return
+        self._ready_page = number
+
+    def _page(self, number: int, length: int) -> Page:
+        start, end = number * PAGE_M, number * PAGE_M + length * (PAGE_M + REACH_M)
+        self._blocks.reach(end)
+        inside = list(self._blocks.between(start, end))
+        own = {group for i in inside for group in self._blocks[i].own_groups()}
+        page = join([self._strip(i) for i in inside], own)
+        kept = set(self._blocks.between(start - PAGE_M, end + 2 * PAGE_M))
+        self._strips = {i: strip for i, strip in self._strips.items() if i in kept}
+        return page
+
+    def _strip(self, number: int) -> Strip:
+        if number not in self._strips:
+            self._strips[number] = self._sampled(number)
+        return self._strips[number]
+
+    def _sampled(self, number: int) -> Strip:
+        """Return the borders of a block at its stations."""
+        block = self._blocks[number]
+        first, end = self._blocks.stations(number, self._spacing_m)
+        sigma = np.arange(first, end, dtype=np.float64) * self._spacing_m - block.start_m
+        s = block.piece.s_at(sigma)
+        lines = border_lines(block.piece, s, block.piece.road.cross(s), block.lane_ids)
+        return Strip(first, len(sigma), dict(zip(block.groups, lines, strict=True)))
