@@ -57,7 +57,7 @@ def test_fast_without_arguments_runs_the_shipped_scenario(capsys):
     assert status == 0
     assert "50 ticks of 40 ms = 2.00 s" in out
     assert "frames sent 650, refused by the bus 0, slots dropped 0" in out
-    assert err == ""
+    assert err == "vsensor: drive from road 1, lane -3\n"
 
 
 def test_real_time_on_the_virtual_bus_hears_and_decodes_every_frame(capsys):

@@ -120,7 +120,7 @@ def build_line(scenario: Scenario) -> Line:
     )
 
 
-def build_source(scenario: Scenario) -> MapDrive | RecordedDrive:
+def build_source(scenario: Scenario) -> Source:
     """Open the map or the log that the scenario drives on."""
     config, path = scenario.config, scenario.source
     if not path.is_file():
@@ -132,7 +132,7 @@ def build_source(scenario: Scenario) -> MapDrive | RecordedDrive:
     return MapDrive.load(path, config.ego, config.traffic, environment, reach_m)
 
 
-def tick_count(scenario: Scenario, source: MapDrive | RecordedDrive) -> int | None:
+def tick_count(scenario: Scenario, source: Source) -> int | None:
     """Return the number of slots of a run: the scenario's duration or the drive's; None = for ever."""
     seconds = scenario.config.duration_s
     if seconds is None:

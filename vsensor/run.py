@@ -42,18 +42,19 @@ def run_scenario(scenario: Scenario, options: RunOptions, say: Say) -> Summary:
     """Run a scenario to its end, to `stop`, or until SIGINT or SIGTERM; raises VsensorError subclasses."""
     scenario = with_profile(scenario, options)
     line = build_line(scenario)
-    for finding in getattr(line.source, "findings", ()):
-        say(finding)
     period_ns = scenario.config.cycle_ms * 1_000_000
-    ticks = tick_count(scenario, line.source)  # type: ignore[arg-type]
+    ticks = tick_count(scenario, line.source)
     if ticks is None and options.fast:
         raise ConfigError(f"{scenario.name}: the drive never ends; with --fast give --duration S")
     with contextlib.ExitStack() as stack:
         bus = _bus(options, line)
         if bus is not None:
             stack.callback(bus.close)
-            say(f"sending on {bus.name} every {scenario.config.cycle_ms} ms, profile {line.profile.name}")
         sinks = _sinks(scenario, options, line, stack)
+        if bus is not None:
+            say(f"sending on {bus.name} every {scenario.config.cycle_ms} ms, profile {line.profile.name}")
+        for text in (*line.source.notes, *line.source.findings):
+            say(text)
         stopped = stack.enter_context(_stop_signals())
         advance = stack.enter_context(_progress(options, ticks, period_ns))
         clock: Clock = SimulatedClock() if options.fast else MonotonicClock()

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from vsensor.codec import Layout, SignalLayout, float_bits, pack
+from vsensor.codec import Layout, SignalLayout, excess_range, float_bits, pack
 from vsensor.e2e import next_counter
-from vsensor.errors import ConfigError
+from vsensor.errors import ConfigError, DbcError
 from vsensor.profile import Binding, MessagePlan, Profile
 from vsensor.signals import VehicleConfig, to_bus
 from vsensor.types import Array, BoolArray, Frame, IntArray, SignalValues, Tick
@@ -164,6 +164,9 @@ def _require_sendable(profile: Profile, bindings: Sequence[tuple[MessagePlan, Bi
         if binding.signal.mux_signal is not None:
             where = f"{profile.path}: {plan.layout.name}.{binding.signal.name}"
             raise ConfigError(f"{where}: a multiplexed signal can be decoded, not sent")
+        if excess := excess_range(binding.signal):
+            where = f"{profile.database}: {plan.layout.name}.{binding.signal.name}"
+            raise DbcError(f"{where}: {excess}; nobody can tell what an ECU reads there: mend the database")
 
 
 def _nothing(profile: Profile) -> SignalValues:

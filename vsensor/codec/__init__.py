@@ -12,7 +12,7 @@ does, and saturates to what the bits hold (never wraps; a declared range narrowe
 clip: many are placeholders). SNA is the raw value that says "signal not available".
 """
 
-from vsensor.codec.audit import audit, overlaps
+from vsensor.codec.audit import audit, excess_range, overlaps
 from vsensor.codec.bulk import decode_bulk
 from vsensor.codec.frame import decode, encode, float_bits, pack, quantise, to_physical, unpack
 from vsensor.codec.layout import Database, Layout, SignalLayout, load_database
@@ -25,6 +25,7 @@ __all__ = [
     "decode",
     "decode_bulk",
     "encode",
+    "excess_range",
     "float_bits",
     "load_database",
     "overlaps",

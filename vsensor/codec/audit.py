@@ -18,20 +18,31 @@ def audit(database: Database) -> list[str]:
 def _audit_signal(signal: SignalLayout) -> list[str]:
     if signal.is_float:
         return []
-    found = []
-    ends = sorted((signal.physical(signal.raw_min), signal.physical(signal.raw_max)))
-    low, high = signal.minimum, signal.maximum
-    half_lsb = abs(signal.scale) / 2
-    if low is not None and high is not None and (low < ends[0] - half_lsb or high > ends[1] + half_lsb):
-        found.append(
-            f"range [{low:g}|{high:g}] exceeds what {signal.length} bits hold, [{ends[0]:g}|{ends[1]:g}]"
-        )
+    low, high, ends = signal.minimum, signal.maximum, _ends(signal)
+    excess = excess_range(signal)
+    found = [excess] if excess else []
     if (low, high) in ((0, 1), (0, 0)) and signal.length > 1:
         found.append(f"range [{low:g}|{high:g}] is a placeholder, the bits hold [{ends[0]:g}|{ends[1]:g}]")
     for word, raw in (("start value", signal.start_raw), ("SNA value", signal.sna_raw)):
         if raw is not None and not signal.raw_min <= raw <= signal.raw_max:
             found.append(f"{word} {raw:g} (raw) is not among [{signal.raw_min}|{signal.raw_max}]")
     return found
+
+
+def excess_range(signal: SignalLayout) -> str:
+    """Return what is wrong with a declared range that the bits cannot hold; "" if nothing is."""
+    low, high, ends = signal.minimum, signal.maximum, _ends(signal)
+    half_lsb = abs(signal.scale) / 2
+    if signal.is_float or low is None or high is None:
+        return ""
+    if low >= ends[0] - half_lsb and high <= ends[1] + half_lsb:
+        return ""
+    return f"range [{low:g}|{high:g}] exceeds what {signal.length} bits hold, [{ends[0]:g}|{ends[1]:g}]"
+
+
+def _ends(signal: SignalLayout) -> tuple[float, float]:
+    low, high = sorted((signal.physical(signal.raw_min), signal.physical(signal.raw_max)))
+    return low, high
 
 
 def overlaps(layout: Layout) -> list[tuple[str, str]]:

@@ -17,11 +17,4 @@ class Sink(Protocol):
         ...
 
 
-SINKS = {
-    "log": "vsensor.sinks.log:LogSink",
-    "trace": "vsensor.sinks.trace:TraceSink",
-    "table": "vsensor.sinks.table:TableSink",
-}
-"""Kind of sink -> "module:Class"."""
-
-__all__ = ["SINKS", "Sink"]
+__all__ = ["Sink"]

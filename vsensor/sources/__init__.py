@@ -14,7 +14,25 @@ Inputs = Sequence[Frame]
 
 
 class Source(Protocol):
-    """Gives the truth, tick by tick; the state may be saved and the run restarted from it."""
+    """Gives the truth, tick by tick; the state may be saved and the run restarted from it.
+
+    `notes` say what was loaded, `findings` what is wrong with it, as sentences; `duration_s` may be inf.
+    """
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was loaded."""
+        ...
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """What is wrong with it."""
+        ...
+
+    @property
+    def duration_s(self) -> float:
+        """Time until the drive ends."""
+        ...
 
     def initial_state(self) -> Any:
         """Return the state before the first tick."""
@@ -28,10 +46,4 @@ class Source(Protocol):
 MAP_SUFFIXES = (".xodr",)
 LOG_SUFFIXES = (".log", ".asc", ".blf", ".mf4", ".trc", ".csv", ".gz")
 
-SOURCES = {
-    "map": "vsensor.sources.map_drive:MapDrive",
-    "log": "vsensor.sources.drive:RecordedDrive",
-}
-"""Kind of source -> "module:Class"; the kind follows from the suffix of the scenario's `source`."""
-
-__all__ = ["LOG_SUFFIXES", "MAP_SUFFIXES", "SOURCES", "Inputs", "Source"]
+__all__ = ["LOG_SUFFIXES", "MAP_SUFFIXES", "Inputs", "Source"]

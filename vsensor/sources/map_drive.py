@@ -147,6 +147,12 @@ class MapDrive:
         return cls(Corridor(load_map(path), ego.corridor()), ego, traffic, environment, range_m)
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """Where the drive begins."""
+        place = self.corridor.start
+        return (f"drive from road {place.road_id}, lane {place.lane_id}",)
+
+    @property
     def findings(self) -> tuple[str, ...]:
         """What was found in the map, as sentences."""
         return tuple(self.corridor.road_map.warnings)

@@ -13,9 +13,6 @@ from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.ndimage import gaussian_filter1d
-from scipy.signal import fftconvolve
 
 from vsensor.schema import Config
 from vsensor.types import Array, BoolArray, Colour, Marking, MarkingKind, Stripe, frozen
@@ -138,12 +135,16 @@ def _smoothed_road(xy: Array, sigma_m: Array) -> Array:
     u = np.concatenate([[0.0], np.cumsum(2.0 * POINT_STEP_M / (sigma[1:] + sigma[:-1]))])
     even = np.linspace(0.0, u[-1], int(u[-1] * STEPS_PER_SIGMA) + 2)
     line = np.column_stack([np.interp(even, u, xy[:, 0]), np.interp(even, u, xy[:, 1])])
+    from scipy.interpolate import CubicSpline  # 0.3 s to import: only a recorded drive pays for it
+
     road: Array = CubicSpline(even, smoothed(line, 1.0 / even[1]))(u)
     return road
 
 
 def _averaged(values: Array, sigma: float) -> Array:
     """Return values (M,) averaged with a Gaussian of `sigma` steps, constant beyond the ends."""
+    from scipy.ndimage import gaussian_filter1d
+
     return np.asarray(gaussian_filter1d(values, sigma, mode="nearest"))
 
 
@@ -158,6 +159,8 @@ def smoothed(xy: Array, sigma: float) -> Array:
     kernel /= kernel.sum()
     before = 2.0 * xy[0] - xy[reach:0:-1]
     after = 2.0 * xy[-1] - xy[-2 : -reach - 2 : -1]
+    from scipy.signal import fftconvolve
+
     line: Array = fftconvolve(np.concatenate([before, xy, after]), kernel[:, None], mode="valid", axes=0)
     return line
 

@@ -17,9 +17,9 @@ from vsensor.world.opendrive.planview import NODES, WEIGHTS
 from vsensor.world.opendrive.road import Road
 from vsensor.world.opendrive.surface import Cross
 
-KNOT_M = 2.0
-"""Distance of the knots between s and sigma; the cubic between them is then right to 1e-9 m
-(curvature 0.1 per m changing by 0.01 per m)."""
+KNOT_M = 1.0
+"""Distance of the knots between s and sigma; the cubic between them is then right to 1e-8 m on
+clothoids and cubics down to R = 20 m (measured on the real maps; 16 times less than 2 m knots)."""
 
 SLOWEST = 1e-3
 """Distance along the lane per s, at least: a lane inside the centre of a bend stands still or runs back."""
