@@ -302,6 +302,6 @@ def test_the_short_cubics_agree_with_the_maps_own_curves(path):
     for number in set(numbers):
         block, mine = corridor._blocks[number], numbers == number
         exact = block.piece.frames(s[mine] - block.start_m)
-        np.testing.assert_allclose(poses.position_world_m[mine], exact.position.T, atol=3e-6)
+        np.testing.assert_allclose(poses.position_world_m[mine], exact.position.T, atol=2e-6)
         yaw = np.arctan2(exact.forward[1], exact.forward[0])
         np.testing.assert_allclose(np.sin(poses.yaw_rad[mine] - yaw), 0.0, atol=1e-6)
