@@ -101,9 +101,9 @@ class Corridor:
     def poses(self, s_m: Array, offset_m: Array | float = 0.0) -> Poses:
         """Return poses (N,) at distances (N,), `offset_m` to the left of the lane's middle.
 
-        Of the map's own curves within 2e-7 m in a bend of 10 m radius, 1e-8 m from 100 m on (see
-        LaneTable; 1.2e-6 m at R = 4 m, the worst of the real maps). The heading is that of the lane's middle, whatever the offset. Beyond the ends of
-        the route the lane goes on straight.
+        They differ from the map's own curves by 2e-7 m in a bend of 10 m radius, 1e-8 m from 100 m
+        on (see LaneTable; at worst 1.2e-6 m on the real maps, at R = 4 m). The heading is that of the
+        lane's middle, whatever the offset. Beyond the ends of the route the lane goes on straight.
         """
         s = np.asarray(s_m, dtype=np.float64)
         offset = np.broadcast_to(np.asarray(offset_m, dtype=np.float64), s.shape)
