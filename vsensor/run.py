@@ -19,8 +19,12 @@ from vsensor.line import Line, build_line, tick_count
 from vsensor.profile import quantisation_error_m
 from vsensor.runner import Summary, run_loop
 from vsensor.sinks import Sink
+from vsensor.types import Tick
 
 Say = Callable[[str], None]
+
+START_UP_NS = 300_000_000
+"""Time between the end of loading and slot 0: the sinks open, the live table starts its process."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,15 +54,18 @@ def run_scenario(scenario: Scenario, options: RunOptions, say: Say) -> Summary:
         bus = _bus(options, line)
         if bus is not None:
             stack.callback(bus.close)
-        sinks = _sinks(scenario, options, line, stack)
+        _keep_memory()
+        _warm_up(line, period_ns)
+        clock: Clock = SimulatedClock() if options.fast else MonotonicClock()
+        start_ns = clock.now_ns() + START_UP_NS
+        epoch_ns = epoch_offset_ns() + (MonotonicClock().now_ns() if options.fast else start_ns)
+        sinks = _sinks(scenario, options, line, epoch_ns, stack)
         if bus is not None:
             say(f"sending on {bus.name} every {scenario.config.cycle_ms} ms, profile {line.profile.name}")
         for text in (*line.source.notes, *line.source.findings):
             say(text)
         stopped = stack.enter_context(_stop_signals())
         advance = stack.enter_context(_progress(options, ticks, period_ns))
-        clock: Clock = SimulatedClock() if options.fast else MonotonicClock()
-        _keep_memory()
         gc.collect()
         gc.freeze()  # what is loaded now stays: the collector need not look at it in the cycle
         stack.callback(gc.unfreeze)
@@ -67,6 +74,7 @@ def run_scenario(scenario: Scenario, options: RunOptions, say: Say) -> Summary:
             clock,
             period_ns=period_ns,
             ticks=ticks,
+            start_ns=start_ns,
             bus=bus,
             sinks=sinks,
             stop=stopped,
@@ -104,14 +112,14 @@ def _bus(options: RunOptions, line: Line) -> FrameBus | None:
 
 
 def _sinks(
-    scenario: Scenario, options: RunOptions, line: Line, stack: contextlib.ExitStack
+    scenario: Scenario, options: RunOptions, line: Line, epoch_ns: int, stack: contextlib.ExitStack
 ) -> Sequence[Sink]:
     """Open the sinks; each is closed when the stack unwinds, the table first."""
     sinks: list[Sink] = []
     if options.log is not None:
         from vsensor.sinks.log import LogSink
 
-        sinks.append(LogSink(options.log, _epoch_ns(scenario)))
+        sinks.append(LogSink(options.log, epoch_ns))
         stack.callback(sinks[-1].close)
     if options.trace is not None:
         from vsensor.sinks.trace import TraceSink
@@ -147,10 +155,9 @@ def _sinks(
     return sinks
 
 
-def _epoch_ns(scenario: Scenario) -> int:
-    """Return the Unix time of slot 0."""
-    first_slot_ns = MonotonicClock().now_ns() + scenario.config.cycle_ms * 1_000_000
-    return epoch_offset_ns() + first_slot_ns
+def _warm_up(line: Line, period_ns: int) -> None:
+    """Compute the first tick and throw it away: it imports and allocates what no slot should wait for."""
+    line.compute(line.initial_state(), Tick(index=0, t_ns=0, period_ns=period_ns))
 
 
 def _keep_memory() -> None:

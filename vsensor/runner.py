@@ -123,6 +123,7 @@ def run_loop(
     *,
     period_ns: int,
     ticks: int | None,
+    start_ns: int | None = None,
     bus: FrameBus | None = None,
     sinks: Sequence[Sink] = (),
     stop: Callable[[], bool] = lambda: False,
@@ -131,7 +132,7 @@ def run_loop(
 ) -> Summary:
     """Run `line` for `ticks` slots (None: until the source ends or `stop()` says so).
 
-    Slot k is due at start + k * period_ns. If the program gets to it later than half a period after
+    `start_ns` is the clock's time of slot 0, None = one period from now. Slot k is due at start + k * period_ns. If the program gets to it later than half a period after
     that, the slot is dropped: world and error state have advanced, nothing is sent, the alive counters
     stand still, and nothing is sent in a burst afterwards.
     """
@@ -140,7 +141,7 @@ def run_loop(
     state = line.initial_state()
     began = time.perf_counter()
     heard: Sequence[Frame] = ()
-    start_ns = clock.now_ns() + period_ns
+    start_ns = clock.now_ns() + period_ns if start_ns is None else start_ns
     index = 0
     while (ticks is None or index < ticks) and not stop():
         tick = Tick(index=index, t_ns=index * period_ns, period_ns=period_ns)
