@@ -132,9 +132,10 @@ def run_loop(
 ) -> Summary:
     """Run `line` for `ticks` slots (None: until the source ends or `stop()` says so).
 
-    `start_ns` is the clock's time of slot 0, None = one period from now. Slot k is due at start + k * period_ns. If the program gets to it later than half a period after
-    that, the slot is dropped: world and error state have advanced, nothing is sent, the alive counters
-    stand still, and nothing is sent in a burst afterwards.
+    `start_ns` is the clock's time of slot 0, None = one period from now. Slot k is due at start_ns +
+    k * period_ns. If the program gets to it later than half a period after that, the slot is dropped:
+    world and error state have advanced, nothing is sent, the alive counters stand still, and nothing
+    is sent in a burst afterwards.
     """
     summary = Summary(period_ns=period_ns, real_time=real_time)
     watch = summary.stopwatch
