@@ -202,3 +202,13 @@ def test_an_unknown_format_or_folder_is_refused_before_the_run(tmp_path):
 def test_a_run_without_a_tick_leaves_no_picture(tmp_path):
     plots.PictureSink(tmp_path / "run.png", CAMERA, front_axle_x_m=math.nan).close()
     assert not (tmp_path / "run.png").exists()
+
+
+def test_the_view_ends_below_the_lowest_paint_and_above_the_highest_thing():
+    axes = axes_of(plots.draw_camera_view, CAMERA, bend())
+    bottom, top = axes.get_ylim()
+    paint = np.concatenate(
+        [drawn_line(axes, "paint seen"), drawn_line(axes, "paint hidden by a vehicle")], axis=0
+    )
+    assert bottom == pytest.approx(min(paint[:, 1].max() + 60.0, CAMERA.config.height_px - 0.5))
+    assert top < CAMERA.cy_px < bottom

@@ -34,7 +34,7 @@ _SHOWN_ERROR_M = (20, 50)
 _T_NS, _SIDE = COLUMNS.index("t_ns"), COLUMNS.index("side")
 _Y_AND_TRUTH = [(COLUMNS.index(f"y_{x}m"), COLUMNS.index(f"truth_y_{x}m")) for x in _SHOWN_ERROR_M]
 _BESIDE_M = 4.0  # about a lane
-_SKY_PX = 60.0  # of the view above the highest thing drawn
+_MARGIN_PX = 60.0  # of the view above the highest thing drawn, and below the lowest paint
 
 
 class PictureSink:
@@ -122,6 +122,7 @@ def draw_camera_view(axes: Any, camera: Camera, output: Output) -> None:
     pose = camera_from_ego(camera, output.snapshot.ego)
     _draw_boxes(axes, camera, pose, output)
     points = output.observation.candidates.points_ego_m
+    lowest = -np.inf
     for reason, colour, marker, label in (
         (Unseen.OCCLUDED, HIDDEN, "x", "paint hidden by a vehicle"),
         (Unseen.SEEN, SEEN, ".", "paint seen"),
@@ -129,14 +130,16 @@ def draw_camera_view(axes: Any, camera: Camera, output: Output) -> None:
         pixels = project(camera, transform(pose, points[output.observation.reason == reason]))
         if len(pixels):
             axes.plot(*pixels.T, marker, color=colour, ms=3, mew=0.7, label=label, zorder=3)
+            lowest = max(lowest, float(pixels[:, 1].max()))
     for boundary in output.estimate.boundaries:
         pixels = project(camera, transform(pose, _on_road(output, boundary)))
         axes.plot(*pixels.T, color=SIDE_COLOURS[boundary.side], lw=1.2, label=_label(boundary), zorder=4)
     width, height = camera.config.width_px, camera.config.height_px
-    top = min(float(axes.dataLim.y0), camera.cy_px) - _SKY_PX
-    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, max(-0.5, top)), xlabel="u (px)", ylabel="v (px)")
+    top = max(min(float(axes.dataLim.y0), camera.cy_px) - _MARGIN_PX, -0.5)
+    bottom = min(lowest + _MARGIN_PX, height - 0.5) if lowest > top else height - 0.5
+    axes.set(xlim=(-0.5, width - 0.5), ylim=(bottom, top), xlabel="u (px)", ylabel="v (px)")
     axes.set_aspect("equal")
-    axes.set_title("The camera's view, without the upper part", fontsize=10)
+    axes.set_title("The camera's view, where there is something in it", fontsize=10)
     _legend(axes)
 
 
