@@ -11,7 +11,7 @@ from vsensor import plots
 from vsensor.camera import Camera, CameraConfig
 from vsensor.errors import ConfigError
 from vsensor.sinks.trace import TraceSink, read_trace
-from vsensor.types import MarkingKind, Obstacle, Side, frozen
+from vsensor.types import MarkingKind, Obstacle, Side, Unseen, frozen
 
 figure = pytest.importorskip("matplotlib.figure")
 CAMERA = Camera.from_config(CameraConfig())
@@ -205,10 +205,10 @@ def test_a_run_without_a_tick_leaves_no_picture(tmp_path):
 
 
 def test_the_view_ends_below_the_lowest_paint_and_above_the_highest_thing():
-    axes = axes_of(plots.draw_camera_view, CAMERA, bend())
+    near, out = (lambda p: p[:, 0] < 25), Unseen.OUTSIDE_IMAGE
+    line = Drawn(y=circle(1.8, 700.0), reported=Side.LEFT, unseen=near, reason=out)
+    axes = axes_of(plots.draw_camera_view, CAMERA, output_of([line]))
     bottom, top = axes.get_ylim()
-    paint = np.concatenate(
-        [drawn_line(axes, "paint seen"), drawn_line(axes, "paint hidden by a vehicle")], axis=0
-    )
-    assert bottom == pytest.approx(min(paint[:, 1].max() + 60.0, CAMERA.config.height_px - 0.5))
+    paint = drawn_line(axes, "paint seen")
+    assert bottom == pytest.approx(paint[:, 1].max() + 60.0)
     assert top < CAMERA.cy_px < bottom

@@ -130,7 +130,7 @@ def draw_camera_view(axes: Any, camera: Camera, output: Output) -> None:
         pixels = project(camera, transform(pose, points[output.observation.reason == reason]))
         if len(pixels):
             axes.plot(*pixels.T, marker, color=colour, ms=3, mew=0.7, label=label, zorder=3)
-            lowest = max(lowest, float(pixels[:, 1].max()))
+            lowest = max(lowest, float(np.nanmax(pixels[:, 1], initial=-np.inf)))
     for boundary in output.estimate.boundaries:
         pixels = project(camera, transform(pose, _on_road(output, boundary)))
         axes.plot(*pixels.T, color=SIDE_COLOURS[boundary.side], lw=1.2, label=_label(boundary), zorder=4)
