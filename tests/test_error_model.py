@@ -370,7 +370,7 @@ def _with(**changes):
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
-        ({"schema": "vsensor.error_model/2"}, "not known to this version"),
+        ({"schema": "vsensor.error_model/2"}, "is newer than this version"),
         ({"schema": "vsensor.profile/1"}, "expected schema"),
         ({"std_m": None}, "entries missing or unknown: std_m"),
         ({"std": np.zeros(3)}, "entries missing or unknown: std"),

@@ -112,7 +112,7 @@ def test_every_command_explains_itself(vsensor, command):
 
 def test_installed_program_runs_the_shipped_scenario_from_another_folder(vsensor):
     done = vsensor("run", "--fast", "--duration", "1")
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.returncode, done.stderr) == (0, "vsensor: drive from road 1, lane -3\n")
     assert "25 ticks of 40 ms" in done.stdout
 
 

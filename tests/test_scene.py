@@ -9,7 +9,7 @@ from tests.roads import box, ego, marking, moved, straight
 from vsensor.scene import SceneConfig, near, obstacles_near
 from vsensor.types import Scene, Stripe
 
-CONFIG = SceneConfig()
+CONFIG = SceneConfig(range_m=100.0)
 
 
 def lines_near(markings, vehicle=None, config=CONFIG):

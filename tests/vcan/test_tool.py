@@ -88,7 +88,7 @@ def test_files_written_are_on_the_host_at_once(tmp_path):
     ids=["Ctrl-C", "SIGTERM"],
 )
 def test_signal_reaches_the_command_and_ends_both(number, on_signal, status):
-    script = f"import sys, signal\nprint('ready', flush=True)\ntry: signal.pause()\n{on_signal}"
+    script = f"import sys, signal\ntry: print('ready', flush=True); signal.pause()\n{on_signal}"
     before = leftovers()
     with subprocess.Popen([TOOL, sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout.readline() == "ready\n"
