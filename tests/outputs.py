@@ -8,6 +8,7 @@ import numpy as np
 from vsensor.scene import SceneConfig, near, world_from_ego
 from vsensor.transforms import transform
 from vsensor.types import (
+    SIDE_NAMES,
     Boundary,
     Colour,
     Detections,
@@ -152,13 +153,14 @@ def output_of(
         for k, n in enumerate(seen.marking)
         if lines[n].reported is not None and seen.starts[k + 1] > seen.starts[k]
     ]
+    sent = {f"{SIDE_NAMES[line.side]}.available": 1.0 for line in (*reports, *ghosts)}
     return Output(
         tick=Tick(index=tick, t_ns=tick * 40_000_000, period_ns=40_000_000),
         snapshot=snapshot,
         observation=Observation(**optics, candidates=candidates, reason=reason),
         detections=Detections(exposed_at_ns=ego.t_ns, operating_range_m=reach_m, **optics),
         estimate=LaneEstimate(exposed_at_ns=ego.t_ns, image_index=tick, boundaries=(*reports, *ghosts)),
-        values=values or {},
+        values=sent | (values or {}),
         frames=(),
     )
 

@@ -11,7 +11,7 @@ from vsensor.region import RegionConfig
 from vsensor.scene import SceneConfig
 from vsensor.sensor import Sensor, SensorConfig, initial_state, sense
 from vsensor.sinks.trace import TraceSink, read_trace
-from vsensor.types import EgoState, MarkingKind, Output, Scene, Side, Snapshot, Tick
+from vsensor.types import SIDE_NAMES, EgoState, MarkingKind, Output, Scene, Side, Snapshot, Tick
 from vsensor.world.corridor import Corridor
 from vsensor.world.opendrive import load_map
 from vsensor.world.route import CorridorConfig
@@ -57,7 +57,7 @@ def outputs():
                 observation=sensed.observation,
                 detections=sensed.detections,
                 estimate=sensed.estimate,
-                values={},
+                values=dict.fromkeys((f"{side}.available" for side in SIDE_NAMES.values()), 1.0),
                 frames=(),
             )
         )

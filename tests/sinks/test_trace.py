@@ -9,9 +9,9 @@ import pytest
 
 from tests.outputs import Drawn, circle, four_lines, output_of, straight
 from vsensor.errors import ConfigError
-from vsensor.sinks.trace import TraceSink, read_trace
+from vsensor.sinks.trace import TraceSink, read_trace, rows
 from vsensor.sinks.trace_file import COLUMNS, read_trace_and_metadata
-from vsensor.types import MarkingKind, Side, Unseen
+from vsensor.types import SIDE_NAMES, MarkingKind, Side, Unseen
 
 AXLE_M = 2.8
 SUFFIXES = [".npz", ".csv", ".parquet"]
@@ -95,7 +95,7 @@ def test_a_line_of_lower_order_has_zeros_and_of_higher_order_keeps_its_place(tmp
     boundary = output_of(four_lines()).estimate.boundaries[0]
     for coefficients in ([1.8, 0.01], [1.8, 0.01, 0.0, 0.0, 1e-8, 1e-10]):
         odd = replace(boundary, coefficients=np.array(coefficients))
-        output = output_of([Drawn(y=straight(1.8))])
+        output = output_of([Drawn(y=straight(1.8))], values={"left.available": 1.0})
         trace = traced(tmp_path, replace(output, estimate=replace(output.estimate, boundaries=(odd,))))
         assert [trace[f"c{n}"][0] for n in range(4)] == [1.8, 0.01, 0.0, 0.0]
         expected = np.polynomial.polynomial.polyval(80.0, coefficients)
@@ -253,3 +253,12 @@ def test_the_kind_of_a_report_is_kept(tmp_path):
 def test_the_description_is_plain_json_in_an_npz(tmp_path):
     with np.load(written(tmp_path / "t.npz", [])) as file:
         assert json.loads(str(file["metadata"]))["schema"] == "vsensor.trace/1"
+
+
+def test_a_line_that_was_fitted_but_not_sent_is_no_report(tmp_path):
+    silent = dict.fromkeys((f"{side}.available" for side in SIDE_NAMES.values()), 0.0)
+    for number, output in enumerate((output_of(four_lines()), output_of(four_lines(), values=silent))):
+        found = list(rows(output, 2.8))
+        assert len(found) == 4
+        reported = [row[COLUMNS.index("quality")] > 0 for row in found]
+        assert reported == [number == 0] * 4

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from vsensor.errors import ConfigError
 from vsensor.sinks.trace_file import ROW, SCHEMA, UNITS, read_trace, writer_for
-from vsensor.types import SIDE_NAMES, Boundary, Output
+from vsensor.types import SIDE_NAMES, Boundary, Output, Side
 from vsensor.world.truth import RANGES_M, LineTruth, line_truths
 
 __all__ = ["TraceSink", "read_trace", "rows"]
@@ -76,7 +76,7 @@ class TraceSink:
 
 def rows(output: Output, front_axle_x_m: float) -> Iterator[tuple[Any, ...]]:
     """Yield one tuple in the order of COLUMNS per side that has a true line or a report."""
-    reported = {line.side: line for line in output.estimate.boundaries}
+    reported = {line.side: line for line in output.estimate.boundaries if _is_sent(output, line.side)}
     ego, tick = output.snapshot.ego, output.tick
     for side, truth in line_truths(output, front_axle_x_m).items():
         line = reported.get(side)
@@ -85,6 +85,11 @@ def rows(output: Output, front_axle_x_m: float) -> Iterator[tuple[Any, ...]]:
         place = (*_truth(truth), *y, offset_m, truth.lane_offset_m)
         motion = (ego.speed_mps, ego.yaw_rate_radps)
         yield (tick.t_ns, tick.index, side, *report, *place, truth.reason_unseen, *motion)
+
+
+def _is_sent(output: Output, side: Side) -> bool:
+    """Whether the line went out: a sensor that is not up yet, or failed, fits lines and keeps silent."""
+    return output.values.get(f"{SIDE_NAMES[side]}.available", 0.0) > 0.0
 
 
 def _report(line: Boundary) -> tuple[float, ...]:
