@@ -1,7 +1,8 @@
 """A drive along a lane of a map, with traffic as boxes beside and ahead."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from math import atan2, floor, hypot, inf
+from math import atan2, ceil, floor, hypot, inf
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -61,7 +62,7 @@ class TrafficConfig(Config, frozen=True, kw_only=True):
     """`[[traffic]]`: a vehicle on a lane beside the ego's, as a box.
 
     Without `speed_kmh` it keeps `ahead_m` (from the ego's rear axle to the vehicle's centre); with it,
-    `ahead_m` is where it starts, and with `recycle_m` the vehicle stands in for one every so many metres.
+    `ahead_m` is where it starts, and with `recycle_m` there is one like it every so many metres of road.
     """
 
     kind: Literal["car", "van", "truck", "motorcycle"] = "car"
@@ -96,14 +97,18 @@ class _Vehicle:
     speed: LinearProfile | None
     recycle_m: float
 
-    def distance_m(self, t_s: float, ego_m: float, ego_driven_m: float) -> float:
-        """Return its route distance at `t_s` when the ego is at `ego_m` and has driven `ego_driven_m`."""
+    def places_m(self, t_s: float, ego_driven_m: float, behind_m: float, ahead_m: float) -> Iterator[float]:
+        """Yield how far ahead of the ego it and its like are at `t_s`, from -behind_m to ahead_m."""
         if self.speed is None:
-            return ego_m + (self.ahead.value(t_s) if self.ahead is not None else self.start_m)
-        relative_m = self.start_m + self.speed.integral(t_s) - ego_driven_m
+            here_m = self.ahead.value(t_s) if self.ahead is not None else self.start_m
+        else:
+            here_m = self.start_m + self.speed.integral(t_s) - ego_driven_m
         if self.recycle_m < inf:
-            relative_m = (relative_m + self.recycle_m / 2.0) % self.recycle_m - self.recycle_m / 2.0
-        return ego_m + relative_m
+            first = ceil((-behind_m - here_m) / self.recycle_m)
+            last = floor((ahead_m - here_m) / self.recycle_m)
+            yield from (here_m + k * self.recycle_m for k in range(first, last + 1))
+        elif -behind_m <= here_m <= ahead_m:
+            yield here_m
 
 
 class MapDrive:
@@ -230,12 +235,12 @@ class MapDrive:
 
     def _obstacles(self, t_s: float, ego_m: float) -> tuple[Obstacle, ...]:
         """Return the traffic within view as boxes standing on the road."""
-        driven_m = self._speed.integral(t_s)
-        near: list[tuple[int, _Vehicle, float]] = []
-        for number, vehicle in enumerate(self._vehicles):
-            s_m = vehicle.distance_m(t_s, ego_m, driven_m)
-            if -BEHIND_M - vehicle.size_m[0] < s_m - ego_m < self._view_m and self.corridor.reaches(s_m):
-                near.append((number, vehicle, s_m))
+        near = [
+            (number, vehicle, ego_m + ahead_m)
+            for number, vehicle in enumerate(self._vehicles)
+            for ahead_m in vehicle.places_m(t_s, ego_m, BEHIND_M + vehicle.size_m[0], self._view_m)
+            if self.corridor.reaches(ego_m + ahead_m)
+        ]
         if not near:
             return ()
         offsets = [vehicle.offset_m + self._lane_offset(vehicle.lanes_left, s_m) for _, vehicle, s_m in near]
