@@ -1,0 +1,321 @@
+"""README is true: its commands run, its scenarios load, its tables name what there is."""
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import textwrap
+import tomllib
+from pathlib import Path
+
+import cantools
+import msgspec
+import numpy as np
+import pytest
+
+from vsensor.cli import main
+from vsensor.config import SHIPPED, ScenarioConfig
+from vsensor.sinks.trace_file import COLUMNS, SCHEMA
+from vsensor.types import SIDE_NAMES, Unseen
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+TOLERANCE_M = 0.002
+"""Of the score in README, and half a percent: another processor may round a seldom point to another pixel."""
+
+OTHER_DBC = """
+VERSION ""
+BS_:
+BU_: CAM
+BO_ 1536 LANE_LEFT: 8 CAM
+ SG_ POS : 0|16@1- (0.001,0) [-32|32] "m" CAM
+ SG_ CURV : 16|16@1- (1e-06,0) [-0.03|0.03] "1/m" CAM
+ SG_ VALID : 32|1@1+ (1,0) [0|1] "" CAM
+BA_DEF_ BO_ "GenMsgCycleTime" INT 0 1000;
+BA_DEF_DEF_ "GenMsgCycleTime" 0;
+BA_ "GenMsgCycleTime" BO_ 1536 40;
+"""
+
+
+def blocks(language):
+    """Return the fenced blocks of one language."""
+    return re.findall(rf"^```{language}\n(.*?)^```", README, re.DOTALL | re.MULTILINE)
+
+
+def commands():
+    """Return every command of the sh blocks as one line."""
+    return [line.strip() for block in blocks("sh") for line in block.splitlines() if line.strip()]
+
+
+def table(header):
+    """Return the rows of the table that begins with this header line, as lists of cells."""
+    rows = README[README.index(header) :].split("\n\n", 1)[0].splitlines()[2:]
+    return [[cell.strip() for cell in row.strip().strip("|").split(" | ")] for row in rows]
+
+
+def codes(text):
+    """Return the words in backticks."""
+    return re.findall(r"`([^`]+)`", text)
+
+
+def write_drive(path):
+    """Write 8 s of vehicle.dbc's motion frames: 20 m/s, a gentle bend, as some logger would."""
+    motion = cantools.database.load_file(ROOT / "dbc" / "vehicle.dbc").get_message_by_name("VEH_Motion")
+    lines = []
+    for index in range(400):
+        values = {"VehicleSpeed": 72.0, "YawRate": 0.5, "MotionCrc": 0, "MotionCounter": index % 15}
+        known = {signal.name: values.get(signal.name, 0) for signal in motion.signals}
+        data = motion.encode(known).hex().upper()
+        lines.append(f"({1000 + index * 0.02:.6f}) can0 {motion.frame_id:03X}#{data}\n")
+    path.write_text("".join(lines))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with what README calls yours: a map, a log, a DBC, and the files that it shows."""
+    path = tmp_path_factory.mktemp("readme")
+    shutil.copy(SHIPPED / "highway.xodr", path / "mine.xodr")
+    write_drive(path / "drive.log")
+    (path / "other.dbc").write_text(OTHER_DBC.lstrip())
+    for block in blocks("toml"):
+        name = re.match(r"# (\S+\.toml)\n", block)
+        assert name, f"a toml block without its name:\n{block}"
+        (path / name[1]).write_text(block, encoding="utf-8")
+    return path
+
+
+def shortened(words):
+    """Return the command; one in real time is cut to 1 s on a bus of this process."""
+    if words[:2] == ["vsensor", "run"] and "--fast" not in words:
+        words = [*words, "--bus", "virtual:readme", "--duration", "1"]
+    return words
+
+
+@pytest.fixture(scope="module")
+def results(folder):
+    """Every vsensor command of README, run in order in one folder: {command: (status, stdout)}."""
+    environment = dict(os.environ, PATH=f"{Path(sys.executable).parent}:{os.environ['PATH']}")
+    found = {}
+    for command in commands():
+        if not command.startswith("vsensor "):
+            continue
+        words, _, target = command.partition(" > ")
+        done = subprocess.run(
+            [sys.executable, "-m", "vsensor.cli", *shortened(shlex.split(words))[1:]],
+            cwd=folder,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=200,
+            check=False,
+        )
+        if target:
+            (folder / target).write_text(done.stdout)
+        found[command] = (done.returncode, done.stdout, done.stderr)
+    return found
+
+
+VSENSOR = [command for command in commands() if command.startswith("vsensor ")]
+MAKE = [command for command in commands() if command.startswith("make ")]
+VCAN = [command for command in commands() if command.startswith("tools/vcan ")]
+
+
+def test_every_command_of_readme_is_of_a_kind_that_is_tested():
+    assert sorted(commands()) == sorted([*VSENSOR, *MAKE, *VCAN])
+    assert {command.split()[1] for command in VSENSOR} == {"run", "check", "decode", "score"}
+    assert MAKE
+    assert VCAN
+
+
+@pytest.mark.parametrize("command", VSENSOR)
+def test_a_vsensor_command_of_readme_runs(results, command):
+    status, _, err = results[command]
+    assert status == 0, err
+
+
+def test_the_files_that_the_commands_name_are_written(results, folder):
+    named = [name for command in results for name in re.findall(r"(?:--log|--trace|>) (\S+)", command)]
+    assert named
+    for name in named:
+        assert (folder / name).stat().st_size > 1000, name
+
+
+@pytest.mark.parametrize(
+    "command", [*MAKE, *(f"make {n}" for n in re.findall(r"^\| `make (\w+)`", README, re.M))]
+)
+def test_a_make_target_of_readme_exists(command):
+    done = subprocess.run(["make", "-n", *command.split()[1:]], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_readme_names_every_make_target():
+    targets = re.search(r"^\.PHONY: (.*)", (ROOT / "Makefile").read_text(), re.MULTILINE)[1].split()
+    assert set(re.findall(r"^\| `make (\w+)`", README, re.MULTILINE)) == set(targets) - {"help"}
+
+
+@pytest.mark.vcan
+@pytest.mark.parametrize("command", VCAN)
+def test_a_command_of_readme_runs_on_vcan(command):
+    tool, program, *rest = shlex.split(command)
+    assert program == ".venv/bin/vsensor"
+    words = [tool, sys.executable, "-m", "vsensor.cli", *rest]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"frames sent [1-9]", done.stdout)
+
+
+@pytest.mark.parametrize("number", range(len(blocks("python"))))
+def test_the_python_of_readme_runs(number, folder):
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", blocks("python")[number]],
+        cwd=folder,
+        env=dict(os.environ, PYTHONPATH=str(ROOT)),
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "320#" in done.stdout
+    assert "lane.width_m" in done.stdout
+
+
+def default_shown(field):
+    """Return the default of a field as the table shows it."""
+    if field.required:
+        return "required"
+    default = field.default
+    if default is None:
+        return "-"
+    return list(default) if isinstance(default, tuple) else default
+
+
+def keys_of(struct):
+    """Return {(section, key): default} of a scenario, in order."""
+    found = {}
+    for field in msgspec.inspect.type_info(struct).fields:
+        kind = field.type
+        section = f"[{field.encode_name}]"
+        if isinstance(kind, msgspec.inspect.VarTupleType) and isinstance(
+            kind.item_type, msgspec.inspect.StructType
+        ):
+            section, kind = f"[{section}]", kind.item_type
+        if isinstance(kind, msgspec.inspect.StructType):
+            found |= {(section, inner.encode_name): default_shown(inner) for inner in kind.fields}
+        else:
+            found["(top)", field.encode_name] = default_shown(field)
+    return found
+
+
+def keys_of_readme():
+    """Return {(section, key): default} of the table."""
+    found = {}
+    for section, key, default, _ in table("| section | key | default | what |"):
+        value = default.strip("`")
+        is_literal = default.startswith("`")
+        place = section.strip("`"), key.strip("`")
+        assert place not in found, f"{place} twice"
+        found[place] = tomllib.loads(f"x = {value}")["x"] if is_literal else value
+    return found
+
+
+def test_the_table_of_keys_has_every_key_of_a_scenario_with_its_default_and_no_other():
+    assert keys_of_readme() == keys_of(ScenarioConfig)
+
+
+def test_the_table_of_trace_columns_is_that_of_the_file():
+    said = [name for row in table("| column of the trace | unit | what |") for name in codes(row[0])]
+    assert sorted(said) == sorted(COLUMNS)
+
+
+def test_the_codes_of_the_trace_are_those_of_the_program():
+    said = {codes(row[0])[0]: row[2] for row in table("| column of the trace | unit | what |")}
+    sides = ", ".join(f"{side.value} {name.replace('_', ' ')}" for side, name in SIDE_NAMES.items())
+    assert said["side"] == sides
+    reasons = ", ".join(f"{reason.value} {reason.name.lower().replace('_', ' ')}" for reason in Unseen)
+    assert said["reason_unseen"] == reasons
+
+
+def test_the_schemas_are_those_of_the_program():
+    from vsensor.config import SCHEMA as SCENARIO
+    from vsensor.error_model import SCHEMA as ERROR_MODEL
+    from vsensor.profile import SCHEMA as PROFILE
+
+    said = {codes(row[1])[0] for row in table("| file | schema | what |")}
+    assert said == {SCENARIO, PROFILE, ERROR_MODEL, SCHEMA}
+
+
+def test_the_frame_table_has_the_messages_of_the_native_dbc_with_their_ids():
+    rows = table("| id | message | cycle | carries |")
+    said = {
+        name: int(number, 16)
+        for row in rows
+        for number, name in zip(row[0].split(", "), codes(row[1]), strict=True)
+    }
+    database = cantools.database.load_file(ROOT / "dbc" / "lds.dbc")
+    assert said == {message.name: message.frame_id for message in database.messages}
+    assert {row[2] for row in rows} == {f"{database.messages[0].cycle_time} ms"}
+
+
+def numbers(line):
+    return [float(word) for word in re.findall(r"(?<![\w.])-?\d+(?:\.\d+)?", line)]
+
+
+def words_of(line):
+    return re.sub(r"(?<![\w.])-?\d+(?:\.\d+)?", "#", " ".join(line.split()))
+
+
+def test_the_score_in_readme_is_what_the_command_prints(results):
+    shown = next(block for block in blocks("text") if "lateral error in m" in block)
+    printed = results["vsensor score out.npz"][1].splitlines()
+    for line in filter(None, shown.splitlines()):
+        same = [other for other in printed if words_of(other) == words_of(line)]
+        near = [o for o in same if np.allclose(numbers(o), numbers(line), atol=TOLERANCE_M, rtol=0.005)]
+        assert near, f"README shows {line!r}; printed:\n" + "\n".join(printed)
+
+
+def test_the_commands_table_has_every_command_of_the_program(capsys):
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    offered = re.findall(r"^    (\w+)  ", capsys.readouterr().out, re.MULTILINE)
+    said = [codes(row[0])[0].split()[1] for row in table("| command | what it does |")]
+    assert said == offered
+
+
+def test_every_option_that_readme_names_is_one_of_the_program(capsys):
+    offered = {"--seconds"}
+    for command in ("run", "check", "decode", "score"):
+        with pytest.raises(SystemExit):
+            main([command, "--help"])
+        offered |= set(re.findall(r"--[a-z]+", capsys.readouterr().out))
+    assert set(re.findall(r"(?<![\w-])--[a-z]+", README)) <= offered
+
+
+def test_every_link_in_readme_leads_somewhere():
+    for link in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", README):
+        assert link.startswith("https://") or (ROOT / link).exists(), link
+
+
+def test_every_place_in_readme_exists():
+    for row in table("| place | what |"):
+        first, *others = codes(row[0])
+        for path in (ROOT / first, *((ROOT / first).parent / name for name in others)):
+            assert path.exists(), path
+
+
+def test_the_table_of_places_has_every_module():
+    said = {Path(name).name for row in table("| place | what |") for name in codes(row[0])}
+    modules = {path.name for path in (ROOT / "vsensor").iterdir() if not path.name.startswith("_")}
+    modules -= {"py.typed"}
+    assert modules <= said, sorted(modules - said)
+
+
+def test_the_picture_is_small_enough_to_load():
+    assert 50_000 < (ROOT / "docs" / "run.png").stat().st_size < 300_000
+
+
+def test_readme_names_no_place_of_one_machine():
+    for word in ("/work", "/tmp", "/root", "/home"):
+        assert word not in README, textwrap.shorten(README[README.find(word) :], 60)
