@@ -97,31 +97,32 @@ def test_the_reader_notices_a_lost_frame_and_a_changed_bit(ten_seconds, tmp_path
     assert (sums["counter_errors"], sums["crc_errors"]) == (1, 1)
 
 
-def test_cantools_decodes_candumps_output_to_the_values_that_were_sent(ten_seconds):
-    """`candump vcan0 | cantools decode lds.dbc`, as on the bench."""
-    from vsensor.logs import read_log
-    from vsensor.profile import load_profile
+def test_cantools_decodes_candumps_output_to_what_was_sent_signal_by_signal(ten_seconds):
+    """`candump vcan0 | cantools decode lds.dbc`, as on the bench, against our own reading of our log."""
+    from vsensor.codec import decode, load_database
 
     _, seen, sent = ten_seconds
     piped = "".join(
         f"  vcan0  {frame[:3]}   [8]  {' '.join(re.findall('..', frame[4:]))}\n" for frame in data(seen)
     )
-    decoded = subprocess.run(
+    printed = subprocess.run(
         [*cantools_program(), "decode", "--single-line", "--no-decode-choices", DBC],
         input=piped,
         capture_output=True,
         text=True,
         check=True,
     ).stdout
-    theirs = [float(value) for value in re.findall(r"LDS_LeftLine\(.*?LeftOffset: (-?[\d.e-]+)", decoded)]
-    table = read_log(sent)
-    ours = load_profile("native").decode_arrays(table.arbitration_id, table.data, table.length)
-    offsets = ours["left.offset_m"].values
-    assert len(theirs) == len(offsets) > 200
-    available = offsets == offsets
-    assert available.sum() > 200
-    for number in available.nonzero()[0]:
-        assert theirs[number] == pytest.approx(offsets[number], abs=1e-9)
+    layouts = load_database(DBC).layouts
+    by_id = {layout.arbitration_id: layout for layout in layouts.values()}
+    compared = 0
+    for frame, line in zip(data(sent), printed.splitlines(), strict=True):
+        layout = by_id[int(frame[:3], 16)]
+        name, text = re.search(r":: (\w+)\((.*)\)$", line).groups()
+        theirs = {key: float(value) for key, value in re.findall(r"(\w+): (-?[\d.e+-]+)", text)}
+        assert name == layout.name
+        assert theirs == pytest.approx(decode(layout, bytes.fromhex(frame[4:])), rel=1e-12, abs=1e-12)
+        compared += len(theirs)
+    assert compared > 250 * 100
 
 
 def test_auto_takes_vcan0_where_it_is_up(tmp_path):
