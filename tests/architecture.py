@@ -32,6 +32,7 @@ ORDER = """
     / video
     / apps
     / cli
+    / __main__
 """
 """A module imports only from what stands before its slash, or from its own package: siblings do not import
 each other. `vsensor/__init__.py` imports nothing, so that one stage can be imported without the others."""

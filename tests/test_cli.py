@@ -202,6 +202,27 @@ def test_check_knows_files_by_suffix_and_content(capsys, file, status, words):
     assert found == status
 
 
+@needs_shared
+def test_decode_gives_the_database_to_the_profile_that_names_none(capsys, tmp_path):
+    own, drive = tmp_path / "own.log", SHARED_DATA / "can" / "rav4_drive.log"
+    vsensor(capsys, "run", "--fast", "--duration", 2, "--log", own)
+    both = tmp_path / "both.log"
+    both.write_text(own.read_text() + "".join(drive.read_text().splitlines(keepends=True)[:5000]))
+    words = ["--profile", "native", "--profile", "toyota_rav4", "--dbc", RAV4_DBC, "--csv"]
+    status, out, err = vsensor(capsys, "decode", both, *words)
+    assert status == 0, err
+    header = out.split("\n", 1)[0].split(",")
+    assert {"left.offset_m", "ego.speed_mps", "ego.yaw_rate_radps"} <= set(header)
+
+
+def test_check_sends_a_trace_to_score(capsys, tmp_path):
+    trace = tmp_path / "trace.npz"
+    vsensor(capsys, "run", "--fast", "--duration", 1, "--trace", trace)
+    status, _, err = vsensor(capsys, "check", trace)
+    assert status == 2
+    assert_one_line(err, "trace.npz", "vsensor score")
+
+
 # --- bad input ----------------------------------------------------------------------------------------
 
 
@@ -239,10 +260,30 @@ def test_a_mistake_in_a_scenario_is_one_line_that_names_file_and_key(capsys, tmp
 
 
 @pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        ("[ego]\nspeed_kmh = -30\n", "ego.speed_kmh"),
+        ("[ego]\noffset_m = 50\n", "ego.offset_m"),
+        ("[[traffic]]\nsize_m = [0, 2, 2]\n", "traffic[0].size_m"),
+        ("[error_model]\nlevel = 7\nmode = 'extreme'\n", "error_model.level"),
+    ],
+)
+def test_a_mistake_that_shows_only_when_the_run_is_built_names_the_file_once(capsys, tmp_path, text, key):
+    own_map(tmp_path)
+    path = scenario_file(tmp_path, f'source = "highway.xodr"\n{text}')
+    status, _, err = vsensor(capsys, "run", path, "--fast", "--duration", 1)
+    assert status == 2
+    assert_one_line(err, str(path), key)
+    assert err.count(str(path)) == 1
+
+
+@pytest.mark.parametrize(
     ("words", "expected"),
     [
         (["run", "absent.toml"], ["absent.toml", "no such file"]),
         (["run", "motorway"], ["motorway", "highway"]),
+        (["run", ""], ["empty name"]),
+        (["run", "~nobody-has-this-name/a.toml"], ["~nobody-has-this-name/a.toml", "no such file"]),
         (["run", "absent.xodr"], ["absent.xodr", "no such file"]),
         (["run", "--bus", "socketcan:can77"], ["can77"]),
         (["run", "--bus", "nonsense"], ["nonsense", "INTERFACE:CHANNEL"]),
@@ -280,6 +321,23 @@ def test_fast_is_refused_on_a_hardware_bus(capsys, monkeypatch):
     status, _, err = vsensor(capsys, "run", "--fast", "--bus", "socketcan:can0", "--duration", 1)
     assert status == 2
     assert_one_line(err, "can0", "--fast")
+
+
+@pytest.mark.parametrize("suffix", ["xodr", "log"])
+def test_a_folder_in_place_of_a_map_or_log_is_called_a_folder(capsys, tmp_path, suffix):
+    folder = tmp_path / f"road.{suffix}"
+    folder.mkdir()
+    scenario = scenario_file(tmp_path, f'source = "road.{suffix}"\n')
+    for file in (folder, scenario):
+        status, _, err = vsensor(capsys, "run", file, "--fast", "--duration", 1)
+        assert status == 2
+        assert_one_line(err, f"road.{suffix}", "is a folder")
+        assert "no such file" not in err
+
+
+def test_a_map_with_a_suffix_in_capitals_is_a_map(capsys, tmp_path):
+    own_map(tmp_path).rename(tmp_path / "HIGHWAY.XODR")
+    assert vsensor(capsys, "run", tmp_path / "HIGHWAY.XODR", "--fast", "--duration", 1)[0] == 0
 
 
 def test_a_map_cut_off_anywhere_is_one_line(capsys, tmp_path):
@@ -354,6 +412,13 @@ def started(*words, **options):
         text=True,
         **options,
     )
+
+
+def test_python_m_vsensor_is_the_same_program(tmp_path):
+    words = [sys.executable, "-m", "vsensor", "check", "absent.toml"]
+    done = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 2
+    assert_one_line(done.stderr, "absent.toml", "no such file")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -1,11 +1,12 @@
 import math
+from pathlib import Path
 from typing import Annotated
 
 import msgspec
 import pytest
 
 from vsensor.errors import ConfigError
-from vsensor.schema import Config, check_schema, convert, read_toml
+from vsensor.schema import Config, check_schema, convert, read_toml, user_path
 
 
 class Wheel(Config, frozen=True, kw_only=True):
@@ -118,7 +119,9 @@ def test_toml_is_read(tmp_path):
     [
         (b"a = 1\nb = \n", "not TOML: .*line 2"),
         (b"a = 1\na = 2\n", "not TOML"),
-        (b"\xff\xfe", "cannot be read"),
+        (b"\xff\xfe", "line 1: not UTF-8"),
+        ("a = 1\nb = 'Straße'\n".encode("latin-1"), "line 2: not UTF-8"),
+        (b"a = " + 5000 * b"[", "not TOML: .*nested"),
         (None, "no such file"),
     ],
 )
@@ -127,6 +130,22 @@ def test_a_file_that_is_not_toml_is_refused_by_name_and_place(tmp_path, content,
         (tmp_path / "a.toml").write_bytes(content)
     with pytest.raises(ConfigError, match=rf"a\.toml: {expected}"):
         read_toml(tmp_path / "a.toml")
+
+
+@pytest.mark.parametrize("content", [b"\xef\xbb\xbfa = 1\n", b"a = 1\r\n"])
+def test_a_file_of_a_windows_editor_is_read(tmp_path, content):
+    (tmp_path / "a.toml").write_bytes(content)
+    assert read_toml(tmp_path / "a.toml") == {"a": 1}
+
+
+def test_a_name_that_no_file_can_have_is_refused():
+    with pytest.raises(ConfigError, match="cannot be read"):
+        read_toml(Path("a\0.toml"))
+
+
+def test_the_home_folder_of_nobody_is_a_name_like_any_other():
+    assert user_path("~nobody-has-this-name/a.toml") == Path("~nobody-has-this-name/a.toml")
+    assert user_path("~/a.toml") == Path.home() / "a.toml"
 
 
 def test_a_folder_is_refused(tmp_path):

@@ -7,16 +7,18 @@ from pathlib import Path
 from vsensor.clock import SimulatedClock
 from vsensor.codec import Database, audit, load_database
 from vsensor.config import SHIPPED, Scenario, load_scenario
+from vsensor.errors import ConfigError
 from vsensor.line import Line, build_line
 from vsensor.logs import read_log
 from vsensor.profile import Profile, load_profile, quantisation_error_m, shipped_profiles
 from vsensor.runner import STAGES, run_loop
-from vsensor.schema import read_toml
+from vsensor.schema import read_toml, user_path
 from vsensor.sources import LOG_SUFFIXES, MAP_SUFFIXES
 from vsensor.world.corridor import Corridor
 from vsensor.world.opendrive import load_map
 
 DATABASE_SUFFIXES = (".dbc", ".arxml", ".kcd", ".sym")
+TRACE_SUFFIXES = (".npz", ".parquet")
 TRIAL_TICKS = 100
 BITS_PER_FRAME = 47 + 64 * 1.2  # classic frame of 8 bytes: overhead, and data with a fifth of stuff bits
 
@@ -31,7 +33,7 @@ class Report:
 
 def check_file(file: str, profile: str | None = None, dbc: Path | None = None) -> Report:
     """Check a scenario, profile, map, database or log by its suffix and content; raises VsensorError."""
-    path = Path(file)
+    path = user_path(file)
     suffix = path.suffix.lower()
     if suffix in DATABASE_SUFFIXES:
         return _report([], audit(load_database(path)), _database_lines(load_database(path)))
@@ -41,6 +43,10 @@ def check_file(file: str, profile: str | None = None, dbc: Path | None = None) -
         return _check_log(path)
     if _is_profile(path, file):
         return _check_profile(load_profile(file, dbc))
+    if suffix in TRACE_SUFFIXES and path.exists():
+        raise ConfigError(
+            f"{file}: not a scenario, profile, map, database or log; vsensor score takes traces"
+        )
     return _check_scenario(load_scenario(file), profile, dbc)
 
 

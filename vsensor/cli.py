@@ -110,9 +110,9 @@ def check(arguments: argparse.Namespace) -> int:
 def decode(arguments: argparse.Namespace) -> int:
     """`vsensor decode`: lane signals of a log as a table or CSV."""
     from vsensor.logs.decode import decode_log
-    from vsensor.profile import load_profile
+    from vsensor.profile import load_profiles
 
-    profiles = [load_profile(name, arguments.dbc) for name in arguments.profile or ["native"]]
+    profiles = load_profiles(arguments.profile or ["native"], arguments.dbc)
     table = decode_log(arguments.log, profiles)
     for line in table.csv_lines() if arguments.csv else table.text_lines():
         print(line)
@@ -214,7 +214,7 @@ def _add_decode(commands: "Commands") -> None:
     added.add_argument(
         "--profile", action="append", metavar="NAME", help="shipped name or file; repeatable (native)"
     )
-    added.add_argument("--dbc", type=Path, metavar="FILE", help="the database that the profile maps")
+    added.add_argument("--dbc", type=Path, metavar="FILE", help="the database of the profile that names none")
     added.add_argument("--csv", action="store_true", help="comma-separated values instead of a table")
 
 

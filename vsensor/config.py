@@ -12,7 +12,7 @@ from vsensor.lanefit import LaneFitConfig
 from vsensor.quality import QualityConfig
 from vsensor.region import RegionConfig
 from vsensor.scene import SceneConfig
-from vsensor.schema import Config, check_schema, convert, read_toml
+from vsensor.schema import Config, check_schema, convert, read_toml, user_path
 from vsensor.sensor import SensorConfig
 from vsensor.signals import VehicleConfig
 from vsensor.sources import LOG_SUFFIXES, MAP_SUFFIXES
@@ -80,7 +80,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True):
 
     def file(self, name: str) -> Path:
         """Return the path of a file that the scenario names."""
-        return self.folder / Path(name).expanduser()
+        return self.folder / user_path(name)
 
     @property
     def source(self) -> Path:
@@ -98,8 +98,9 @@ def load_scenario(name_or_path: str | None = None, overrides: dict[str, Any] | N
 
     `overrides` are top-level keys that the command line sets. Raises ConfigError naming file and key.
     """
-    path = _find(name_or_path or DEFAULT_SCENARIO)
-    if path.suffix in (*MAP_SUFFIXES, *LOG_SUFFIXES):
+    path = _find(DEFAULT_SCENARIO if name_or_path is None else name_or_path)
+    if path.suffix.lower() in (*MAP_SUFFIXES, *LOG_SUFFIXES):
+        _require_file(path, str(path))
         data: dict[str, Any] = {"source": str(path.resolve())}
         return Scenario(config=_parse(data, overrides, str(path)), folder=Path(), path=None)
     data = check_schema(read_toml(path), SCHEMA, str(path))
@@ -114,7 +115,9 @@ def shipped_scenarios() -> list[str]:
 
 
 def _find(name_or_path: str) -> Path:
-    path = Path(name_or_path).expanduser()
+    if not name_or_path:
+        raise ConfigError("scenario '': an empty name; leave it out for the shipped one")
+    path = user_path(name_or_path)
     if path.suffix or path.exists():
         if not path.exists():
             raise ConfigError(f"{path}: no such file")
@@ -136,5 +139,11 @@ def _check_source(scenario: Scenario, path: Path) -> None:
     if source.suffix.lower() not in (*MAP_SUFFIXES, *LOG_SUFFIXES):
         known = " ".join((*MAP_SUFFIXES, *LOG_SUFFIXES))
         raise ConfigError(f"{path}: source = {scenario.config.source!r}: expected a map or log ({known})")
-    if not source.is_file():
-        raise ConfigError(f"{path}: source = {scenario.config.source!r}: no such file {source}")
+    _require_file(source, f"{path}: source = {scenario.config.source!r}")
+
+
+def _require_file(path: Path, where: str) -> None:
+    if path.is_dir():
+        raise ConfigError(f"{where}: is a folder, a map or log was expected")
+    if not path.is_file():
+        raise ConfigError(f"{where}: no such file" + (f": {path}" if where != str(path) else ""))

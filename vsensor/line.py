@@ -3,6 +3,8 @@
 The real-time loop, a batch run and a Python test all call `compute`; it knows no wall clock.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any, cast
@@ -111,13 +113,27 @@ def build_line(scenario: Scenario) -> Line:
     """Load and compile everything that a scenario names; raises VsensorError subclasses."""
     config = scenario.config
     profile = load_profile(*_profile_files(scenario))
+    with _named(scenario):
+        source = build_source(scenario)
+        sensor = Sensor.of(config.sensor(), config.seed, scenario.folder)
     return Line(
-        source=build_source(scenario),
-        sensor=Sensor.of(config.sensor(), config.seed, scenario.folder),
+        source=source,
+        sensor=sensor,
         vehicle=config.vehicle,
         state_config=config.state,
         transmitter=Transmitter(profile, config.vehicle, config.camera.position_m[0]),
     )
+
+
+@contextmanager
+def _named(scenario: Scenario) -> Iterator[None]:
+    """Put the scenario's file before a mistake that names only the key."""
+    try:
+        yield
+    except ConfigError as error:
+        if scenario.path is None or str(error).startswith(str(scenario.path)):
+            raise
+        raise ConfigError(f"{scenario.path}: {error}") from None
 
 
 def build_source(scenario: Scenario) -> Source:

@@ -6,6 +6,7 @@ Each module declares its own `Config` subclass with units in its keys and plausi
 
 import difflib
 import math
+import os
 import re
 import tomllib
 from collections.abc import Mapping
@@ -23,18 +24,30 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Base of every configuration section: frozen, keyword-only, unknown keys refused."""
 
 
+def user_path(name: str) -> Path:
+    """Return a path as a user writes it: a leading `~` or `~name` is a home folder where there is one."""
+    return Path(os.path.expanduser(name))
+
+
 def read_toml(path: Path) -> dict[str, Any]:
-    """Read a TOML file; raises ConfigError naming the file and the line."""
+    """Read a TOML file, a byte order mark in front is no harm; raises ConfigError naming file and line."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such file") from None
     except IsADirectoryError:
         raise ConfigError(f"{path}: is a folder, a TOML file was expected") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: cannot be read: {error}") from None
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        line = error.object[: error.start].count(b"\n") + 1
+        raise ConfigError(f"{path}: line {line}: not UTF-8, which a TOML file must be") from None
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{path}: not TOML: {error}") from None
+    except RecursionError:
+        raise ConfigError(f"{path}: not TOML: brackets are nested too deeply") from None
+    except ValueError as error:  # a name that no file can have
+        raise ConfigError(f"{path!r}: cannot be read: {error}") from None
 
 
 def convert(data: Mapping[str, Any], struct: type[T], where: str) -> T:

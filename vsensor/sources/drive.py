@@ -12,7 +12,7 @@ import numpy as np
 from vsensor.errors import LogError
 from vsensor.logs import LogTable, read_log
 from vsensor.profile import Profile, load_profiles
-from vsensor.schema import Config
+from vsensor.schema import Config, user_path
 from vsensor.sources import Inputs
 from vsensor.types import (
     NANOSECONDS_PER_SECOND,
@@ -103,11 +103,11 @@ def load_drive(log: Path, config: DriveConfig, folder: Path = Path()) -> Drive:
 
 def _in_folder(name: str, folder: Path) -> str:
     """Return a profile's path from the scenario's folder; a shipped name stays as it is."""
-    return str(folder / Path(name).expanduser()) if Path(name).suffix else name
+    return str(folder / user_path(name)) if Path(name).suffix else name
 
 
 def _dbc(config: DriveConfig, folder: Path) -> Path | None:
-    return None if config.dbc is None else folder / Path(config.dbc).expanduser()
+    return None if config.dbc is None else folder / user_path(config.dbc)
 
 
 def _offset(config: DriveConfig, t_ns: IntArray, rate: Array, speed: Array) -> OffsetEstimate:
