@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from tests.lines import line_points
 from vsensor.lanefit import LaneFitConfig, fit, fit_lines
 
-ANY = {"min_points": 2, "min_length_m": 0.0, "max_std_at_ego_m": 1e12} | dict.fromkeys(
-    ("max_offset_m", "max_slope", "max_curvature_per_m"), 1e12
+ANY = {"min_points": 2, "min_length_m": 0.0} | dict.fromkeys(
+    ("max_std_at_ego_m", "max_offset_m", "max_slope", "max_curvature_per_m", "max_misfit_m"), 1e12
 )
 X_M = np.arange(5.0, 105.0, 0.1)
 CUBIC = np.array([1.75, 0.01, 2e-4, -1e-6])
@@ -251,6 +251,38 @@ def test_points_without_a_finite_place_are_left_out():
     found = fitted(x, y)
     assert found.points == len(X_M) - 4
     np.testing.assert_allclose(found.coefficients, CUBIC, rtol=1e-9)
+
+
+def corner(at_m, slope):
+    """A line that is straight up to a place and leaves it with another slope."""
+    return 1.75 + slope * np.maximum(X_M - at_m, 0.0)
+
+
+@pytest.mark.parametrize("slope", [1.0, -1.0])
+@pytest.mark.parametrize("at_m", [30.0, 60.0])
+def test_a_line_around_a_corner_is_reported_only_as_far_as_a_cubic_follows_it(at_m, slope):
+    y = corner(at_m, slope)
+    whole, found = fitted(X_M, y), fitted(X_M, y, max_misfit_m=0.15)
+    assert whole.x_max_m == X_M[-1]
+    assert whole.residual_std_m > 0.5
+    assert found.x_min_m == X_M[0]
+    assert at_m - 5.0 < found.x_max_m < at_m + 30.0
+    assert found.residual_std_m <= 0.15
+    used = found.x_max_m >= X_M
+    assert found.points == used.sum()
+    best = np.polynomial.polynomial.polyfit(X_M[used], y[used], 3)
+    np.testing.assert_allclose(found.y_at(at_m), polynomial(best, at_m), atol=1e-9)
+
+
+def test_a_line_that_a_cubic_follows_keeps_its_whole_range():
+    y = polynomial(CUBIC, X_M) + 0.1 * np.sin(X_M)
+    assert fitted(X_M, y, max_misfit_m=0.15).x_max_m == X_M[-1]
+
+
+def test_noise_that_is_known_does_not_shorten_a_line():
+    y = polynomial(CUBIC, X_M) + np.random.default_rng(5).normal(scale=0.3, size=len(X_M))
+    assert fitted(X_M, y, sigma=np.full(len(X_M), 0.3), max_misfit_m=0.15).x_max_m == X_M[-1]
+    assert fitted(X_M, y, max_misfit_m=0.15) is None or fitted(X_M, y, max_misfit_m=0.15).x_max_m < X_M[-1]
 
 
 @given(

@@ -99,6 +99,7 @@ def _boundary(
 ) -> Boundary:
     lines = detections.lines
     x_m = lines.points_ego_m[int(lines.starts[k]) : int(lines.starts[k + 1]), 0]
+    x_m = x_m[: int(x_m.searchsorted(fit.x_max_m, "right"))]
     return Boundary(
         side=side,
         coefficients=fit.coefficients,

@@ -93,6 +93,18 @@ def test_the_cubic_uses_just_the_points_that_the_fit_used():
     )
 
 
+def test_the_cubic_ends_with_a_fit_that_ends_before_its_points_do():
+    output = output_of([Drawn(y=circle(1.8, 600.0), reported=Side.LEFT)])
+    (line,) = output.estimate.boundaries
+    shorter = output_of(
+        [Drawn(y=circle(1.8, 600.0), reported=Side.LEFT, unseen=lambda p: p[:, 0] > 40.0)]
+    ).estimate.boundaries[0]
+    cut = replace(line, x_max_m=shorter.x_max_m, coefficients=shorter.coefficients)
+    output = replace(output, estimate=replace(output.estimate, boundaries=(cut,)))
+    truth = line_truths(output, AXLE_M)[Side.LEFT]
+    np.testing.assert_allclose(truth.coefficients, shorter.coefficients, rtol=1e-6, atol=1e-11)
+
+
 @pytest.mark.parametrize("against", [False, True])
 def test_a_joint_with_a_double_point_does_not_shift_the_points_that_the_cubic_uses(against):
     line = Drawn(y=circle(1.8, 600.0), reported=Side.LEFT, unseen=lambda p: p[:, 0] > 40.0, against=against)

@@ -162,7 +162,7 @@ def _line_truth(
     if line is None:
         used = points
     elif line.measured and line.points >= 0:
-        used = points[_places(output.detections.lines, line.points, index)]
+        used = points[_places(output.detections.lines, line, index)]
     else:
         used = points[(points[:, 0] >= line.x_min_m) & (points[:, 0] <= line.x_max_m)]
     abeam = int(index[min(int(points[:, 0].searchsorted(axle_m)), index.size - 1)])
@@ -178,9 +178,11 @@ def _line_truth(
     )
 
 
-def _places(lines: LinePoints, k: int, index: IntArray) -> IntArray | slice:
-    """Return where the points of detected line `k` stand among the candidates with marking places `index`."""
-    wanted = lines.index[lines.starts[k] : lines.starts[k + 1]]
+def _places(lines: LinePoints, line: Boundary, index: IntArray) -> IntArray | slice:
+    """Return where the points that a line was fitted to stand among the candidates with places `index`."""
+    first, last = int(lines.starts[line.points]), int(lines.starts[line.points + 1])
+    count = int(lines.points_ego_m[first:last, 0].searchsorted(line.x_max_m, "right"))
+    wanted = lines.index[first : first + count]
     if wanted.size == index.size:  # all of them, in the same order
         return slice(None)
     sign = 1 if index[-1] >= index[0] else -1  # -1: a marking drawn against the driving direction
