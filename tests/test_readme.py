@@ -23,7 +23,7 @@ from vsensor.types import SIDE_NAMES, Unseen
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 TOLERANCE_M = 0.002
-"""Of the score in README, and half a percent: another processor may round a seldom point to another pixel."""
+"""Of the score in README, and 2 %: another processor may round a seldom point to another pixel."""
 
 OTHER_DBC = """
 VERSION ""
@@ -129,10 +129,8 @@ def test_every_command_of_readme_is_of_a_kind_that_is_tested():
     assert VCAN
 
 
-@pytest.mark.parametrize("command", VSENSOR)
-def test_a_vsensor_command_of_readme_runs(results, command):
-    status, _, err = results[command]
-    assert status == 0, err
+def test_every_vsensor_command_of_readme_runs(results):
+    assert {command: said[2] for command, said in results.items() if said[0] != 0} == {}
 
 
 def test_the_files_that_the_commands_name_are_written(results, folder):
@@ -272,7 +270,7 @@ def test_the_score_in_readme_is_what_the_command_prints(results):
     printed = results["vsensor score out.npz"][1].splitlines()
     for line in filter(None, shown.splitlines()):
         same = [other for other in printed if words_of(other) == words_of(line)]
-        near = [o for o in same if np.allclose(numbers(o), numbers(line), atol=TOLERANCE_M, rtol=0.005)]
+        near = [o for o in same if np.allclose(numbers(o), numbers(line), atol=TOLERANCE_M, rtol=0.02)]
         assert near, f"README shows {line!r}; printed:\n" + "\n".join(printed)
 
 
