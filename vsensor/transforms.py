@@ -6,7 +6,7 @@ with ISO 8855 signs, so positive pitch is nose down (ERRATA, P1 eq. 2.4).
 """
 
 from dataclasses import dataclass
-from math import cos, sin
+from math import atan2, cos, hypot, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,17 +41,18 @@ def rotation_from_rpy(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Arra
 
 def rpy_from_rotation(rotation: Array) -> tuple[float, float, float]:
     """Return (roll, pitch, yaw) in rad of a rotation (3, 3); at pitch +-90 degrees roll is 0."""
-    from math import atan2, hypot
-
     cos_pitch = hypot(rotation[0, 0], rotation[1, 0])
     pitch = atan2(-rotation[2, 0], cos_pitch)
     if cos_pitch < 1e-12:  # gimbal lock: only yaw -+ roll is defined
         return 0.0, pitch, atan2(-rotation[0, 1], rotation[1, 1])
-    return (
-        atan2(rotation[2, 1], rotation[2, 2]),
-        pitch,
-        atan2(rotation[1, 0], rotation[0, 0]),
-    )
+    yaw = atan2(rotation[1, 0], rotation[0, 0])
+    if cos_pitch > 1e-3:
+        return atan2(rotation[2, 1], rotation[2, 2]), pitch, yaw
+    # Near the lock rounding leaves roll and yaw each uncertain by 1e-16 / cos_pitch, but not what they
+    # make together: roll is what this yaw leaves of the rotation.
+    c, s = cos(yaw), sin(yaw)
+    roll = atan2(s * rotation[0, 2] - c * rotation[1, 2], c * rotation[1, 1] - s * rotation[0, 1])
+    return roll, pitch, yaw
 
 
 def compose(a_from_b: Rigid, b_from_c: Rigid) -> Rigid:
