@@ -215,6 +215,31 @@ def test_decode_gives_the_database_to_the_profile_that_names_none(capsys, tmp_pa
     assert {"left.offset_m", "ego.speed_mps", "ego.yaw_rate_radps"} <= set(header)
 
 
+@needs_shared
+def test_a_makers_database_sends_frames_through_a_profile_file_in_another_folder(capsys, tmp_path):
+    profile = tmp_path / "bus" / "maker.toml"
+    profile.parent.mkdir()
+    shutil.copy(SHARED_DATA / "dbc" / "honda_bosch_lane_lines_extract.dbc", profile.parent / "maker.dbc")
+    profile.write_text(
+        'schema = "vsensor.profile/1"\ndatabase = "maker.dbc"\n[geometry]\npositive = "right"\n'
+        "[messages.LEFT_LANE_LINE_1]\ncycle_ms = 40\n[messages.LEFT_LANE_LINE_1.signals]\n"
+        'LINE_OFFSET = "left.offset_m"\n'
+        'LINE_PROBABILITY = { quantity = "left.quality", table = { 4 = 63, other = 0 } }\n'
+        "[messages.LEFT_LANE_LINE_2]\ncycle_ms = 40\n[messages.LEFT_LANE_LINE_2.signals]\n"
+        'LINE_CURVATURE = "left.curvature_per_m"\n'
+    )
+    own_map(tmp_path)
+    path = scenario_file(tmp_path, 'source = "highway.xodr"\n[output]\nprofile = "bus/maker.toml"\n')
+    log = tmp_path / "out.log"
+    status, out, err = vsensor(capsys, "run", path, "--fast", "--duration", 2, "--log", log)
+    assert status == 0, err
+    assert "frames sent 100" in out
+    status, out, _ = vsensor(capsys, "decode", log, "--profile", profile, "--csv")
+    last = dict(zip(*(line.split(",") for line in (out.splitlines()[0], out.splitlines()[-1])), strict=True))
+    assert 1.0 < float(last["left.offset_m"]) < 3.0  # left positive again
+    assert abs(float(last["left.curvature_per_m"])) < 0.01
+
+
 def test_check_sends_a_trace_to_score(capsys, tmp_path):
     trace = tmp_path / "trace.npz"
     vsensor(capsys, "run", "--fast", "--duration", 1, "--trace", trace)

@@ -208,6 +208,12 @@ def test_the_audit_finds_ranges_start_values_overlaps_and_missing_cycle_times(tm
     assert "M: signals Wide and Over overlap" in found
 
 
+def test_a_placeholder_exceeds_nothing_even_where_the_bits_hold_less(tmp_path):
+    text = 'BO_ 1 M: 8 A\n SG_ Curvature : 0|12@1+ (0.00001,-0.02048) [0|1] "" B\n'
+    found = [line for line in audit(database(tmp_path, text)) if "Curvature" in line]
+    assert found == ["M.Curvature: range [0|1] is a placeholder, the bits hold [-0.02048|0.02047]"]
+
+
 def test_the_audit_says_nothing_of_our_own_databases():
     assert {path.name: audit(load_database(path)) for path in OWN} == {path.name: [] for path in OWN}
 

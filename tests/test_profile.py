@@ -332,7 +332,7 @@ LINE = "[messages.LDS_LeftLine]\ncycle_ms = 40\n[messages.LDS_LeftLine.signals]\
         ("[messages]", "messages: at least one was expected"),
         (
             LINE + 'LeftOffset = "left.offset_m"\n[geometry]\norigin = "rear"',
-            "geometry.origin = 'rear': invalid enum",
+            "geometry.origin = 'rear': bumper, camera, front_axle, rear_axle were expected",
         ),
     ],
 )

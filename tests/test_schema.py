@@ -1,6 +1,6 @@
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 import pytest
@@ -20,6 +20,7 @@ class Car(Config, frozen=True, kw_only=True):
     spares: tuple[Wheel, ...] = ()
     by_place: dict[str, Wheel] = msgspec.field(default_factory=dict)
     trailer: Wheel | None = None
+    colour: Literal["red", "blue"] = "red"
 
 
 def refused(data):
@@ -42,7 +43,10 @@ def test_a_good_table_is_converted_with_its_defaults():
         ({"heigth_m": 1.0}, "heigth_m: unknown key; did you mean height_m?"),
         ({"wheel": {"radius_cm": 1}}, "wheel.radius_cm: unknown key; did you mean radius_m?"),
         ({"spares": [{}, {"radius": 1}]}, "radius: unknown key; did you mean radius_m?"),
-        ({"by_place": {"left": {"radios_m": 1}}}, "radios_m: unknown key; did you mean radius_m?"),
+        (
+            {"by_place": {"right": {}, "left": {"radios_m": 1}}},
+            "by_place.left.radios_m: unknown key; did you mean radius_m?",
+        ),
         ({"trailer": {"radios_m": 1}}, "trailer.radios_m: unknown key; did you mean radius_m?"),
         ({"wheel": {"zzz": 1}}, "wheel.zzz: unknown key; known keys: radius_m"),
     ],
@@ -57,6 +61,8 @@ def test_an_unknown_key_is_refused_and_the_nearest_known_one_named(data, message
         ({"wheel": {"radius_m": 30}}, "wheel.radius_m", "30", "<= 2.0"),
         ({"wheel": {"radius_m": 0.01}}, "wheel.radius_m", "0.01", ">= 0.1"),
         ({"spares": [{}, {"radius_m": 9.0}]}, "spares[1].radius_m", "9.0", "<= 2.0"),
+        ({"by_place": {"right": {}, "left": {"radius_m": 9}}}, "by_place.left.radius_m", "9", "<= 2.0"),
+        ({"colour": "blew"}, "colour", "'blew'", "blue, red were expected"),
         ({"height_m": "1.5"}, "height_m", "'1.5'", "expected `float`"),
         ({"wheel": 3}, "wheel", "3", "expected `object`"),
     ],

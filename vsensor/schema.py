@@ -56,7 +56,9 @@ def convert(data: Mapping[str, Any], struct: type[T], where: str) -> T:
     try:
         return msgspec.convert(data, struct)
     except msgspec.ValidationError as error:
-        raise ConfigError(f"{where}: {_explain(str(error), data, struct)}") from None
+        raise ConfigError(
+            f"{where}: {_explain(_with_keys(str(error), data, struct), data, struct)}"
+        ) from None
 
 
 def check_schema(data: dict[str, Any], expected: str, where: str) -> dict[str, Any]:
@@ -96,6 +98,9 @@ def _explain(message: str, data: Mapping[str, Any], struct: type) -> str:
             return message
         value = _value_at(data, found[2])
         shown = "" if value is None or isinstance(value, Mapping | list) else f" = {value!r}"
+        words = sorted(map(str, _known_words(struct, found[2])))
+        if found[1].startswith("Invalid enum value") and words:
+            return f"{found[2]}{shown}: {', '.join(words)} {'was' if len(words) == 1 else 'were'} expected"
         return f"{found[2]}{shown}: {found[1][0].lower()}{found[1][1:]}"
     key, path = unknown[1], unknown[2] or ""
     known = sorted(_known_keys(struct, path))
@@ -103,6 +108,41 @@ def _explain(message: str, data: Mapping[str, Any], struct: type) -> str:
     full = f"{path}.{key}" if path else key
     hint = f"did you mean {near[0]}?" if near else f"known keys: {', '.join(known)}"
     return f"{full}: unknown key; {hint}"
+
+
+def _with_keys(message: str, data: Mapping[str, Any], struct: type) -> str:
+    """Name the tables whose keys are the user's own words: msgspec's path has `[...]` in their place.
+
+    The culprit is the one that, alone in its table, still gives the same message.
+    """
+    named = message
+    while (unnamed := re.search(r"`\$\.?([^`]*?)\[\.\.\.\]", named)) is not None:
+        table = _value_at(data, unnamed[1])
+        keys = table if isinstance(table, Mapping) else ()
+        trials = {key: _with_only(data, re.findall(r"[^.\[\]]+", unnamed[1]), key) for key in keys}
+        wrong = next((key for key in trials if _refusal(trials[key], struct) == message), None)
+        if wrong is None:
+            break
+        data, named = trials[wrong], named.replace("[...]", f".{wrong}", 1)
+    return named
+
+
+def _with_only(data: Any, parts: list[str], key: str) -> Any:
+    """Return a copy of `data` whose table at `parts` has only `key`."""
+    if not parts:
+        return {key: data[key]}
+    if isinstance(data, list):
+        place = int(parts[0])
+        return [*data[:place], _with_only(data[place], parts[1:], key), *data[place + 1 :]]
+    return {**data, parts[0]: _with_only(data[parts[0]], parts[1:], key)}
+
+
+def _refusal(data: Any, struct: type) -> str:
+    try:
+        msgspec.convert(data, struct)
+    except msgspec.ValidationError as error:
+        return str(error)
+    return ""
 
 
 def _value_at(data: Any, path: str) -> Any:
@@ -116,18 +156,22 @@ def _value_at(data: Any, path: str) -> Any:
     return data
 
 
-def _known_keys(struct: Any, path: str) -> list[str]:
-    """Return the field names of the struct found at a msgspec path such as `camera` or `traffic[...]`."""
+def _types_at(struct: Any, path: str) -> list[msgspec.inspect.Type]:
+    """Return what may stand at a msgspec path such as `camera`, `traffic[0]` or `messages.NAME`."""
     kinds = [msgspec.inspect.type_info(struct)]
     for part in re.findall(r"[^.\[\]]+|\[[^\]]*\]", path):
         kinds = [item for kind in kinds for item in _step(kind, part)]
-    return [
-        field.encode_name
-        for kind in kinds
-        for option in _options(kind)
-        if isinstance(option, msgspec.inspect.StructType)
-        for field in option.fields
-    ]
+    return [option for kind in kinds for option in _options(kind)]
+
+
+def _known_keys(struct: Any, path: str) -> list[str]:
+    structs = (kind for kind in _types_at(struct, path) if isinstance(kind, msgspec.inspect.StructType))
+    return [field.encode_name for kind in structs for field in kind.fields]
+
+
+def _known_words(struct: Any, path: str) -> list[Any]:
+    literals = (kind for kind in _types_at(struct, path) if isinstance(kind, msgspec.inspect.LiteralType))
+    return [word for kind in literals for word in kind.values]
 
 
 def _options(kind: msgspec.inspect.Type) -> list[msgspec.inspect.Type]:

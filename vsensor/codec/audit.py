@@ -21,7 +21,7 @@ def _audit_signal(signal: SignalLayout) -> list[str]:
     low, high, ends = signal.minimum, signal.maximum, _ends(signal)
     excess = excess_range(signal)
     found = [excess] if excess else []
-    if (low, high) in ((0, 1), (0, 0)) and signal.length > 1:
+    if _is_placeholder(signal):
         found.append(f"range [{low:g}|{high:g}] is a placeholder, the bits hold [{ends[0]:g}|{ends[1]:g}]")
     for word, raw in (("start value", signal.start_raw), ("SNA value", signal.sna_raw)):
         if raw is not None and not signal.raw_min <= raw <= signal.raw_max:
@@ -29,11 +29,19 @@ def _audit_signal(signal: SignalLayout) -> list[str]:
     return found
 
 
+def _is_placeholder(signal: SignalLayout) -> bool:
+    """Return whether nobody wrote a range: editors of databases then put [0|1] or [0|0]."""
+    return (signal.minimum, signal.maximum) in ((0, 1), (0, 0)) and signal.length > 1
+
+
 def excess_range(signal: SignalLayout) -> str:
-    """Return what is wrong with a declared range that the bits cannot hold; "" if nothing is."""
+    """Return what is wrong with a declared range that the bits cannot hold; "" if nothing is.
+
+    A placeholder says nothing of the range, so it exceeds nothing: [0|1] of a curvature.
+    """
     low, high, ends = signal.minimum, signal.maximum, _ends(signal)
     half_lsb = abs(signal.scale) / 2
-    if signal.is_float or low is None or high is None:
+    if signal.is_float or low is None or high is None or _is_placeholder(signal):
         return ""
     if low >= ends[0] - half_lsb and high <= ends[1] + half_lsb:
         return ""

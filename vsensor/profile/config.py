@@ -6,7 +6,7 @@ import msgspec
 
 from vsensor.schema import Config
 
-_Positive = Annotated[float, msgspec.Meta(gt=0)]
+_HOUR_MS = 3_600_000
 
 
 class GeometryConfig(Config, frozen=True, kw_only=True):
@@ -61,8 +61,8 @@ class MessageConfig(Config, frozen=True, kw_only=True):
 
     signals: dict[str, SignalConfig | str]
     e2e: E2eConfig | None = None
-    cycle_ms: _Positive | None = None
-    start_delay_ms: Annotated[float, msgspec.Meta(ge=0)] | None = None
+    cycle_ms: Annotated[float, msgspec.Meta(ge=1, le=_HOUR_MS)] | None = None
+    start_delay_ms: Annotated[float, msgspec.Meta(ge=0, le=_HOUR_MS)] | None = None
 
 
 class ProfileConfig(Config, frozen=True, kw_only=True):
