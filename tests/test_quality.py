@@ -46,7 +46,8 @@ def test_no_line_has_quality_0():
     ("change", "limits", "step"),
     [
         (lambda v: {"x_max_m": v, "x_min_m": v - 76.0}, CONFIG.range_m, 0.1),
-        (lambda v: {"x_min_m": 80.0 - v}, CONFIG.length_m, 0.1),
+        (lambda v: {"x_min_m": 15.0, "x_max_m": 15.0 + v}, CONFIG.length_m, 0.1),
+        (lambda v: {"x_min_m": v}, CONFIG.start_m, -0.1),
         (lambda v: {"points": round(v)}, CONFIG.points, 1),
         (lambda v: {"x_m": with_gap(v)}, CONFIG.gap_m, -0.1),
         (lambda v: {"std_m": v}, CONFIG.std_m, -0.001),
@@ -163,6 +164,18 @@ def test_a_boundary_joins_the_side_the_polynomial_the_quality_and_the_paint():
     assert (right.x_min_m, right.x_max_m, right.width_m, right.marking) == (4.0, 6.9, 0.12, 8)
     assert right.coefficients is fits[2].coefficients
     assert right.covariance is fits[2].covariance
+
+
+def test_points_beyond_the_end_of_a_fit_do_not_count_as_a_gap():
+    x_m = np.append(np.arange(4.0, 60.0, 0.1), [110.0, 111.0])
+    seen = dataclasses.replace(
+        detections(),
+        lines=line_points((x_m, np.full(len(x_m), 1.75))),
+        kind=np.array([1]),
+        colour=np.array([1]),
+    )
+    (left,) = boundaries(CONFIG, {Side.LEFT: 0}, (line(x_max_m=59.9),), seen, Environment())
+    assert left.quality == 4
 
 
 def test_a_side_without_a_line_has_no_boundary():

@@ -132,6 +132,30 @@ def test_in_a_bend_lines_seen_only_far_ahead_are_placed_beside_the_driven_path()
     assert sides(*far, ego_=ego(20.0, yaw_rate_radps=20.0 / 250.0)) == {LEFT: 0, RIGHT: 1}
 
 
+def test_a_line_that_begins_behind_a_bend_is_placed_where_it_begins_not_where_its_cubic_leads_back_to():
+    # the own left line of a junction's entry, painted from 21 m on: 1.9 m to the left there
+    behind_the_bend = line(-2.19, 0.321, -0.0081, 1e-4, x_min_m=21.3, x_max_m=90.8)
+    assert sides(behind_the_bend) == {LEFT: 0}
+    assert sides(behind_the_bend, line(-1.75)) == {LEFT: 0, RIGHT: 1}
+
+
+def test_a_line_far_ahead_is_not_placed_beside_a_line_that_leaves_the_road():
+    leaving = line(2.3, 0.23, -0.0054, x_min_m=9.0, x_max_m=57.0)
+    far = line(1.74, x_min_m=31.0, x_max_m=57.0)
+    assert sides(leaving, far, line(-1.75)) == {LEFT: 1, NEXT_LEFT: 0, RIGHT: 2}
+
+
+def test_a_camera_that_sees_no_nearer_than_12_m_places_lines_at_the_vehicle_all_the_same():
+    crossing = [line(y, -0.05, x_min_m=12.5) for y in (0.3, -3.2)]  # on the right from 6 m on
+    assert sides(*crossing) == {LEFT: 0, RIGHT: 1}
+
+
+def test_lines_seen_only_far_ahead_while_crossing_the_lane_are_placed_by_the_heading_known_from_before():
+    state, _ = assign(CONFIG, initial_state(), (line(1.0, -0.03),), ego(20.0), tick(0))
+    _, found = assign(CONFIG, state, (line(1.0, -0.03, x_min_m=50.0),), ego(20.0), tick(1))
+    assert found.sides == {LEFT: 0}  # at 50 m it is 0.5 m to the right of the vehicle's x axis
+
+
 def test_a_short_piece_of_line_far_ahead_is_not_extended_to_the_vehicle_by_its_own_cubic():
     wild = line(*np.polynomial.polynomial.polyfromroots([30.0, 31.0, 32.0]), x_min_m=30.0, x_max_m=32.0)
     assert sides(wild, line(-1.8), parallel(line(-1.8), 3.5)) == {RIGHT: 1, LEFT: 0, NEXT_LEFT: 2}

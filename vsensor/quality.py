@@ -5,6 +5,7 @@ The quality is the lowest that any of these gives (defaults of the config; 1 bel
     quality                              2       3       4
     seen up to (x_max)              >=  15      30      50 m
     seen length (x_max - x_min)     >=  10      20      35 m
+    seen from (x_min)               <=  30      25      20 m
     points of paint                 >=  20      60     120
     longest stretch without paint   <=  40      25      15 m
     std of y at 20 m (covariance)   <=   0.40    0.20    0.10 m
@@ -42,6 +43,7 @@ class QualityConfig(Config, frozen=True, kw_only=True):
 
     range_m: Limits = (15.0, 30.0, 50.0)
     length_m: Limits = (10.0, 20.0, 35.0)
+    start_m: Limits = (30.0, 25.0, 20.0)
     points: Limits = (20.0, 60.0, 120.0)
     gap_m: Limits = (40.0, 25.0, 15.0)
     std_m: Limits = (0.40, 0.20, 0.10)
@@ -59,6 +61,7 @@ def rate(config: QualityConfig, fit: Fit | None, x_m: Array, environment: Enviro
     return min(
         _at_least(config.range_m, fit.x_max_m),
         _at_least(config.length_m, fit.x_max_m - fit.x_min_m),
+        _at_most(config.start_m, fit.x_min_m),
         _at_least(config.points, fit.points),
         _at_most(config.gap_m, gap),
         _at_most(config.std_m, fit.std_at(config.std_at_m)),

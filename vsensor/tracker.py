@@ -5,8 +5,10 @@
         |         |   [ ]   |         |             a line keeps its side until it is `hysteresis_m`
        5.2       1.7   0  -1.8      -5.3  m         past the vehicle's centre on the other one
 
-Fits are compared where they are seen: a line that begins far ahead is placed relative to a line
-seen both there and near, as lines of one road run side by side, or else to the driven path.
+Fits are compared where they are seen: a polynomial is read at the vehicle only where it begins near.
+A line that begins far ahead is placed relative to a line seen both there and near, as lines of one road
+run side by side, or to the driven path. Of several such lines, of which one may leave the road, that one
+counts which agrees best with the path.
 """
 
 from collections.abc import Mapping
@@ -18,6 +20,10 @@ import msgspec
 
 from vsensor.schema import Config
 from vsensor.types import EgoState, Fit, Side, Tick
+
+EXTENDED_M = (10.0, 15.0)
+"""A polynomial is read at most so far before its first point, the nearest ones of an image (a high camera
+sees nothing nearer) up to the second figure: seen from 20 m on, a bend behind it moves a cubic by metres."""
 
 
 class TrackerConfig(Config, frozen=True, kw_only=True):
@@ -41,7 +47,7 @@ class TrackerConfig(Config, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Track:
-    """A line that was seen: its position and slope at the rear axle, when last, in how many images."""
+    """A line that was seen: its position and the road's slope at the rear axle, when, in how many images."""
 
     position_m: float
     slope: float
@@ -77,7 +83,8 @@ def assign(
 ) -> tuple[TrackerState, Assignment]:
     """Give every side its line; a side without a line is absent from the mapping."""
     expected = _predict(config, state, ego, tick)
-    seen = _distinct(config, fits, _positions(fits, ego))
+    positions, slope = _positions(fits, ego, expected)
+    seen = _distinct(config, fits, positions)
     matched = _match(config, seen, expected)
     is_left = _split(config, seen, expected, matched)
     unseen = [track for place, track in enumerate(expected) if place not in matched.values()]
@@ -86,7 +93,7 @@ def assign(
     tracks = [
         Track(
             position_m=position,
-            slope=_slope_at_ego(fits[k]),
+            slope=slope,
             is_left=is_left[k],
             side=side_of.get(k),
             seen_at_ns=tick.t_ns,
@@ -112,32 +119,38 @@ def _predict(config: TrackerConfig, state: TrackerState, ego: EgoState, tick: Ti
     ]
 
 
-def _positions(fits: tuple[Fit | None, ...], ego: EgoState) -> dict[int, float]:
-    """Return each fitted line's y at the rear axle, however far ahead it begins."""
+def _positions(
+    fits: tuple[Fit | None, ...], ego: EgoState, expected: list[Track]
+) -> tuple[dict[int, float], float]:
+    """Return each fitted line's y at the rear axle, however far ahead it begins, and the road's slope there.
+
+    Of the slopes of the lines the least counts: a line that leaves the road has a larger one.
+    """
     found = {k: fit for k, fit in enumerate(fits) if fit is not None}
-    near = {k: fit.y_at(0.0) for k, fit in found.items() if _reaches_ego(fit)}
-    return {
-        k: near[k] if k in near else _relative_position(fit, [(found[j], near[j]) for j in near], ego)
-        for k, fit in found.items()
-    }
+    least_m, most_m = EXTENDED_M
+    nearest_m = min((fit.x_min_m for fit in found.values()), default=0.0)
+    reach_m = min(max(least_m, nearest_m), most_m)
+    near = {k: fit.y_at(0.0) for k, fit in found.items() if _reaches_ego(fit, reach_m)}
+    slopes = [float(found[k].coefficients[1]) for k in near] or [track.slope for track in expected]
+    slope = min(slopes, key=abs, default=0.0)
+    beside = [(found[k], y) for k, y in near.items()]
+    positions = {k: near[k] if k in near else _placed(fit, beside, slope, ego) for k, fit in found.items()}
+    return positions, slope
 
 
-def _reaches_ego(fit: Fit) -> bool:
+def _reaches_ego(fit: Fit, reach_m: float) -> bool:
     """Whether the polynomial may be read at x = 0: it is at most extended by half its length."""
-    return fit.x_min_m <= 0.5 * (fit.x_max_m - fit.x_min_m) and fit.x_max_m >= 0.0
+    return fit.x_min_m <= min(reach_m, 0.5 * (fit.x_max_m - fit.x_min_m)) and fit.x_max_m >= 0.0
 
 
-def _relative_position(fit: Fit, near: list[tuple[Fit, float]], ego: EgoState) -> float:
-    """Place a line that begins far ahead: beside the nearest line seen there and here."""
+def _placed(fit: Fit, near: list[tuple[Fit, float]], slope: float, ego: EgoState) -> float:
+    """Place a line that begins far ahead: beside a line seen there and here, else beside the path."""
     x = fit.x_min_m
     y = fit.y_at(x)
-    beside = [
-        (abs(y - other.y_at(x)), y - other.y_at(x) + at_ego) for other, at_ego in near if x <= other.x_max_m
-    ]
-    if beside:
-        return min(beside)[1]
     curvature = ego.yaw_rate_radps / ego.speed_mps if ego.speed_mps > 1.0 else 0.0
-    return y - 0.5 * curvature * x * x if isfinite(curvature) else y
+    by_path = y - x * (slope + 0.5 * x * (curvature if isfinite(curvature) else 0.0))
+    beside = [y - other.y_at(x) + at_ego for other, at_ego in near if x <= other.x_max_m]
+    return min(beside, key=lambda position: abs(position - by_path), default=by_path)
 
 
 def _distinct(
@@ -213,7 +226,3 @@ def _lane_change(expected: list[Track], matched: Mapping[int, int], is_left: Map
         if track.side is Side.RIGHT and is_left[k]:
             return -1
     return 0
-
-
-def _slope_at_ego(fit: Fit | None) -> float:
-    return float(fit.coefficients[1]) if fit is not None and _reaches_ego(fit) else 0.0
