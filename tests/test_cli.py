@@ -1,7 +1,9 @@
 """The command line as a user meets it: what it says, what it leaves behind, its exit status."""
 
+import contextlib
 import os
 import re
+import resource
 import shutil
 import signal
 import subprocess
@@ -315,6 +317,8 @@ def test_a_mistake_that_shows_only_when_the_run_is_built_names_the_file_once(cap
         (["run", "--bus", "udp_multicast:239.0.0.1"], ["udp_multicast"]),
         (["run", "--fast", "--log", "out.txt"], ["out.txt", ".blf"]),
         (["run", "--fast", "--log", "/nowhere/out.log"], ["/nowhere/out.log"]),
+        (["run", "--fast", "--log", "."], [".: cannot be written", "folder"]),
+        (["run", "--fast", "--trace", "/nowhere/out.csv"], ["/nowhere/out.csv", "no folder /nowhere"]),
         (["run", "--fast", "--trace", "out.xyz"], ["out.xyz", ".npz"]),
         (["run", "--fast", "--duration", "-3"], ["-3"]),
         (["run", "--fast", "--duration", "long"], ["long"]),
@@ -363,6 +367,62 @@ def test_a_folder_in_place_of_a_map_or_log_is_called_a_folder(capsys, tmp_path, 
 def test_a_map_with_a_suffix_in_capitals_is_a_map(capsys, tmp_path):
     own_map(tmp_path).rename(tmp_path / "HIGHWAY.XODR")
     assert vsensor(capsys, "run", tmp_path / "HIGHWAY.XODR", "--fast", "--duration", 1)[0] == 0
+
+
+def test_a_recording_is_not_written_over_by_the_run_that_reads_it(capsys, tmp_path, monkeypatch):
+    log = tmp_path / "drive.log"
+    vsensor(capsys, "run", "--fast", "--duration", 1, "--log", log)
+    before = log.read_bytes()
+    monkeypatch.chdir(tmp_path)
+    status, _, err = vsensor(capsys, "run", log, "--fast", "--log", "drive.log")
+    assert status == 2
+    assert_one_line(err, "drive.log", "reads it")
+    assert log.read_bytes() == before
+
+
+@pytest.mark.parametrize("wrong", [("--picture", "out.gif"), ("--trace", "out.xyz"), ("--log", "out.txt")])
+def test_a_slip_in_one_output_leaves_older_files_alone(capsys, tmp_path, wrong):
+    log, trace, picture = (tmp_path / name for name in ("out.log", "out.npz", "out.png"))
+    outputs = {"--log": log, "--trace": trace, "--picture": picture}
+    for file in outputs.values():
+        file.write_bytes(b"older")
+    words = [*(outputs | {wrong[0]: tmp_path / wrong[1]}).items()]
+    status, _, err = vsensor(
+        capsys, "run", "--fast", "--duration", 1, *(word for pair in words for word in pair)
+    )
+    assert status == 2
+    assert wrong[1] in err.splitlines()[-1]
+    assert {file.read_bytes() for file in outputs.values()} == {b"older"}
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["out.log", "out.npz", "out.png"]
+
+
+@contextlib.contextmanager
+def no_file_longer_than(size):
+    """What a full disk does, without one: writing beyond `size` bytes fails."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.mark.parametrize(
+    ("name", "left"),
+    [("out.log", True), ("out.asc", True), ("out.blf", True), ("out.mf4", False), ("out.npz", False)]
+    + [("out.csv", False), ("out.parquet", False)],
+)
+def test_a_full_disk_is_one_line_and_leaves_what_can_be_read(capsys, tmp_path, name, left):
+    option = "--trace" if name.endswith(("npz", "csv", "parquet")) else "--log"
+    with no_file_longer_than(30_000):
+        status, out, err = vsensor(capsys, "run", "--fast", "--duration", 20, option, tmp_path / name)
+    assert status == 2
+    assert_one_line(err.splitlines(keepends=True)[-1], name, "cannot be written", "too large")
+    assert [file.name for file in tmp_path.iterdir()] == [name] * left
+    if left:
+        from vsensor.logs import read_log
+
+        assert len(read_log(tmp_path / name).t_ns) > 100
 
 
 def test_a_map_cut_off_anywhere_is_one_line(capsys, tmp_path):

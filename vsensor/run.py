@@ -45,6 +45,7 @@ class RunOptions:
 def run_scenario(scenario: Scenario, options: RunOptions, say: Say) -> Summary:
     """Run a scenario to its end, to `stop`, or until SIGINT or SIGTERM; raises VsensorError subclasses."""
     scenario = with_profile(scenario, options)
+    _require_places(scenario, options)
     line = build_line(scenario)
     period_ns = scenario.config.cycle_ms * 1_000_000
     ticks = tick_count(scenario, line.source)
@@ -100,6 +101,21 @@ def with_profile(scenario: Scenario, options: RunOptions) -> Scenario:
     return msgspec.structs.replace(scenario, config=msgspec.structs.replace(scenario.config, output=changed))
 
 
+def _require_places(scenario: Scenario, options: RunOptions) -> None:
+    """Refuse files that cannot be written, and those that the run reads, before anything is replaced."""
+    for path in filter(None, (options.log, options.trace, options.picture)):
+        if path.is_dir():
+            raise ConfigError(f"{path}: cannot be written: is a folder")
+        if not path.parent.is_dir():
+            raise ConfigError(f"{path}: cannot be written: there is no folder {path.parent}")
+        if path.exists() and any(path.samefile(f) for f in (scenario.source, scenario.path) if f):
+            raise ConfigError(f"{path}: this run reads it, so it cannot be written over")
+    if options.trace is not None:
+        from vsensor.sinks.trace_file import writer_for
+
+        writer_for(options.trace)
+
+
 def _bus(options: RunOptions, line: Line) -> FrameBus | None:
     if options.fast and options.bus is None:
         return None
@@ -114,8 +130,17 @@ def _bus(options: RunOptions, line: Line) -> FrameBus | None:
 def _sinks(
     scenario: Scenario, options: RunOptions, line: Line, epoch_ns: int, stack: contextlib.ExitStack
 ) -> Sequence[Sink]:
-    """Open the sinks; each is closed when the stack unwinds, the table first."""
+    """Open the sinks; each is closed when the stack unwinds, the table first.
+
+    What can still refuse its file comes before what replaces one: a slip costs no older log.
+    """
     sinks: list[Sink] = []
+    if options.picture is not None:
+        from vsensor.plots import PictureSink
+
+        wheelbase_m = scenario.config.vehicle.wheelbase_m
+        sinks.append(PictureSink(options.picture, line.sensor.camera, front_axle_x_m=wheelbase_m))
+        stack.callback(sinks[-1].close)
     if options.log is not None:
         from vsensor.sinks.log import LogSink
 
@@ -140,12 +165,6 @@ def _sinks(
                 },
             )
         )
-        stack.callback(sinks[-1].close)
-    if options.picture is not None:
-        from vsensor.plots import PictureSink
-
-        wheelbase_m = scenario.config.vehicle.wheelbase_m
-        sinks.append(PictureSink(options.picture, line.sensor.camera, front_axle_x_m=wheelbase_m))
         stack.callback(sinks[-1].close)
     if options.table and not options.fast:
         from vsensor.sinks.table import TableSink

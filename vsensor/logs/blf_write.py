@@ -64,11 +64,11 @@ class BlfOutput:
         self._waiting = 0
 
     def close(self) -> None:
-        """Write what waits, then the header."""
-        if self._objects:
-            self._flush()
-        self._write_header(self._file.tell())
-        self._file.close()
+        """Write what waits, then the header; the file is closed also when the disk is full."""
+        with self._file:
+            if self._objects:
+                self._flush()
+            self._write_header(self._file.tell())
 
     def _write_header(self, size: int) -> None:
         version = (5, 0, 0, 0, 2, 6, 8, 1)  # application 5, BLF library 2.6.8.1, as python-can writes it

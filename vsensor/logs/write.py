@@ -4,6 +4,7 @@ Text and BLF are written here, exact to the nanosecond (.log, .blf) and microsec
 asammdf at close, since it writes in bulk 100 times faster than frame by frame.
 """
 
+import os
 from array import array
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -55,7 +56,7 @@ class LogWriter:
         try:
             self._output.write(record)
         except OSError as error:
-            raise LogError(f"{self.path}: cannot be written: {error}") from None
+            raise LogError(f"{self.path}: cannot be written: {error.strerror or error}") from None
 
     def close(self) -> None:
         """Write what is left; a second call does nothing. Raises LogError (disk full)."""
@@ -65,7 +66,7 @@ class LogWriter:
         try:
             self._output.close()
         except OSError as error:
-            raise LogError(f"{self.path}: cannot be written: {error}") from None
+            raise LogError(f"{self.path}: cannot be written: {error.strerror or error}") from None
 
     def __enter__(self) -> "LogWriter":
         return self
@@ -233,7 +234,15 @@ class _Mf4:
     def close(self) -> None:
         columns = self._columns()
         numbers = np.array([_number(self._channels, k) for k in range(256)])[columns.channel]
-        write_mf4(self._path, columns, numbers.astype(np.uint8))
+        part = self._path.with_name(f".{self._path.stem}.{os.getpid()}.mf4")
+        try:
+            write_mf4(part, columns, numbers.astype(np.uint8))
+            part.replace(self._path)
+        except OSError:
+            self._path.unlink(missing_ok=True)  # the empty file that kept the place
+            raise
+        finally:
+            part.unlink(missing_ok=True)
 
     def _columns(self) -> Columns:
         rest = np.frombuffer(bytes(self._rest), dtype=np.uint8).reshape(-1, 3)

@@ -94,7 +94,10 @@ def _cell(value: float) -> str:
 
 def _write_parquet(path: Path, table: NDArray[Any], metadata: Mapping[str, object]) -> None:
     frame = _polars().DataFrame({name: np.ascontiguousarray(table[name]) for name in COLUMNS})
-    frame.write_parquet(path, metadata={_PARQUET_KEY: json.dumps(metadata)})
+    try:
+        frame.write_parquet(path, metadata={_PARQUET_KEY: json.dumps(metadata)})
+    except _polars().exceptions.PolarsError as error:  # a full disk among them
+        raise OSError(str(error)) from None
 
 
 def _polars() -> Any:
