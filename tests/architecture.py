@@ -11,7 +11,7 @@ ORDER = """
     / transforms draws schema
     / scene raycast
     / camera region error_model lanefit tracker quality
-    / sensor
+    / sensor image
     / e2e
     / codec
     / profile
@@ -24,7 +24,8 @@ ORDER = """
     / config
     / line
     / runner
-    / replay study score
+    / replay score
+    / study
     / plots
     / run
     / check

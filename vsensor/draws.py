@@ -17,6 +17,7 @@ class Stage(IntEnum):
     REGION = 3
     ERROR_MODEL = 4
     FAULTS = 5
+    IMAGE = 6
 
 
 class Draws:
