@@ -50,20 +50,32 @@ def in_frame(turn, origin, point):
     return turn.T * (matrix(point) - matrix(origin))
 
 
+def _normal(x, order, sigma):
+    """Return the rows of powers (N, order + 1), and the same times the weights 1 / sigma^2, transposed."""
+    weights = [mp.mpf(1)] * len(x) if sigma is None else [1 / mp.mpf(float(s)) ** 2 for s in sigma]
+    powers = [[mp.mpf(float(at)) ** k for k in range(order + 1)] for at in x]
+    weighted = [[w * power for power in row] for w, row in zip(weights, powers, strict=True)]
+    return mp.matrix(powers), mp.matrix(weighted).T
+
+
 def least_squares(x, y, order, sigma=None):
     """Return c0..c_order of the weighted least-squares polynomial, by the normal equations."""
-    weights = [mp.mpf(1)] * len(x) if sigma is None else [1 / mp.mpf(float(s)) ** 2 for s in sigma]
-    size = order + 1
-    powers = [[mp.mpf(float(at)) ** k for k in range(size)] for at in x]
-    weighted = [[w * power for power in row] for w, row in zip(weights, powers, strict=True)]
-    rows, values = mp.matrix(powers), mp.matrix([mp.mpf(float(at)) for at in y])
-    left = mp.matrix(weighted).T
-    return list(mp.lu_solve(left * rows, left * values))
+    rows, weighted = _normal(x, order, sigma)
+    return list(mp.lu_solve(weighted * rows, weighted * mp.matrix([mp.mpf(float(at)) for at in y])))
+
+
+def covariance(x, order, sigma):
+    """Return the covariance of the coefficients of points with these standard deviations."""
+    rows, weighted = _normal(x, order, sigma)
+    return mp.inverse(weighted * rows)
 
 
 def value_at(coefficients, x):
     """Return y of a polynomial with exact coefficients, c0 first."""
-    return mp.polyval([mp.mpf(c) for c in reversed(coefficients)], mp.mpf(float(x)))
+    at, y = mp.mpf(float(x)), mp.mpf(0)
+    for coefficient in reversed(coefficients):
+        y = y * at + coefficient
+    return y
 
 
 def is_hidden(eye, point, box, grown_m, far_limit):

@@ -2,10 +2,10 @@
 
 from functools import cache
 
-from tests.hard_cases import attitudes, far_out
+from tests.hard_cases import attitudes, edges, far_out, fits, times
 from tests.hard_cases.exact import Row
 
-PARTS = {"far_out": far_out, "attitudes": attitudes}
+PARTS = {"far_out": far_out, "attitudes": attitudes, "edges": edges, "fits": fits, "times": times}
 
 
 @cache
