@@ -103,6 +103,23 @@ def test_auto_passes_over_a_vcan0_that_cannot_be_used(no_interfaces, wrong):
         assert bus.name == "virtual:vsensor"
 
 
+def test_auto_says_why_it_did_not_take_a_vcan0_that_is_there(no_interfaces):
+    add_interface(no_interfaces, "vcan0", flags="0x0")
+    with open_bus("auto") as bus:
+        assert bus.remark == "vcan0 is down: ip link set vcan0 up"
+
+
+def test_auto_has_nothing_to_remark_where_there_is_no_vcan0(no_interfaces):
+    with open_bus("auto") as bus:
+        assert bus.remark == ""
+
+
+def test_what_python_can_logs_of_a_missing_driver_is_part_of_the_one_line(capsys):
+    with pytest.raises(BusError, match=r"kvaser:0 cannot be opened: Kvaser canlib is unavailable"):
+        open_bus("kvaser:0")
+    assert capsys.readouterr().err == ""
+
+
 def test_missing_channel_is_named_with_what_exists(no_interfaces):
     add_interface(no_interfaces, "can3")
     add_interface(no_interfaces, "eth0", kind=1)

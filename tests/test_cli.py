@@ -162,6 +162,32 @@ def test_the_end_of_the_road_ends_the_run(capsys, tmp_path):
     assert vsensor(capsys, "run", path, "--fast")[0] == 0
 
 
+@needs_shared
+def test_a_run_whose_road_ends_says_so(capsys):
+    status, out, _ = vsensor(capsys, "run", XODR / "straight_500m.xodr", "--fast", "--duration", 60)
+    assert status == 0
+    assert re.search(r"^the road or the recording ended after 1\d\.\d\d s$", out, re.MULTILINE)
+
+
+def test_a_run_that_lasts_its_duration_does_not_speak_of_an_end(capsys):
+    _, out, _ = vsensor(capsys, "run", "--fast", "--duration", 1)
+    assert "ended" not in out
+
+
+@pytest.mark.parametrize(
+    ("cycle_ms", "is_uneven"), [(10, False), (20, False), (40, False), (30, True), (100, True)]
+)
+def test_slots_that_messages_do_not_fit_in_are_told(capsys, tmp_path, cycle_ms, is_uneven):
+    own_map(tmp_path)
+    path = scenario_file(tmp_path, f'source = "highway.xodr"\ncycle_ms = {cycle_ms}\n')
+    _, _, err = vsensor(capsys, "run", path, "--bus", "virtual:slots", "--duration", 0.2)
+    assert "sending on virtual:slots every 40 ms" in err
+    assert (f"cycle_ms = {cycle_ms}" in err) == is_uneven
+    status, out, _ = vsensor(capsys, "check", path)
+    assert status == int(is_uneven)
+    assert (f"finding: cycle_ms = {cycle_ms}" in out) == is_uneven
+
+
 # --- decode, score, check -----------------------------------------------------------------------------
 
 
@@ -314,6 +340,7 @@ def test_a_mistake_that_shows_only_when_the_run_is_built_names_the_file_once(cap
         (["run", "absent.xodr"], ["absent.xodr", "no such file"]),
         (["run", "--bus", "socketcan:can77"], ["can77"]),
         (["run", "--bus", "nonsense"], ["nonsense", "INTERFACE:CHANNEL"]),
+        (["run", "--bus", ""], ["bus ''", "INTERFACE:CHANNEL"]),
         (["run", "--bus", "udp_multicast:239.0.0.1"], ["udp_multicast"]),
         (["run", "--fast", "--log", "out.txt"], ["out.txt", ".blf"]),
         (["run", "--fast", "--log", "/nowhere/out.log"], ["/nowhere/out.log"]),
@@ -409,13 +436,15 @@ def no_file_longer_than(size):
 
 @pytest.mark.parametrize(
     ("name", "left"),
-    [("out.log", True), ("out.asc", True), ("out.blf", True), ("out.mf4", False), ("out.npz", False)]
-    + [("out.csv", False), ("out.parquet", False)],
+    [
+        *((f"out.{suffix}", True) for suffix in ("log", "asc", "blf")),
+        *((f"out.{suffix}", False) for suffix in ("mf4", "npz", "csv", "parquet")),
+    ],
 )
 def test_a_full_disk_is_one_line_and_leaves_what_can_be_read(capsys, tmp_path, name, left):
     option = "--trace" if name.endswith(("npz", "csv", "parquet")) else "--log"
     with no_file_longer_than(30_000):
-        status, out, err = vsensor(capsys, "run", "--fast", "--duration", 20, option, tmp_path / name)
+        status, _, err = vsensor(capsys, "run", "--fast", "--duration", 20, option, tmp_path / name)
     assert status == 2
     assert_one_line(err.splitlines(keepends=True)[-1], name, "cannot be written", "too large")
     assert [file.name for file in tmp_path.iterdir()] == [name] * left

@@ -1,6 +1,8 @@
 """The way onto a bus: any python-can interface, or one inside the process where there is none."""
 
+import contextlib
 import errno
+import logging
 import socket
 import struct
 import time
@@ -30,11 +32,12 @@ OTHER_CLOCK_NS = 10_000_000_000  # a receive time this far from now does not cou
 class FrameBus:
     """An open bus. Frames that it refuses are counted, the cycle goes on; `report` says what happened."""
 
-    def __init__(self, bus: can.BusABC, name: str, *, is_simulated: bool) -> None:
+    def __init__(self, bus: can.BusABC, name: str, *, is_simulated: bool, remark: str = "") -> None:
         self._bus = bus
         self._put = _socket_sender(bus.socket) if isinstance(bus, SocketcanBus) else _message_sender(bus)
         self.name = name
         self.is_simulated = is_simulated
+        self.remark = remark  # why "auto" did not take a vcan0 that is there
         self.frames_refused = 0
         self.error_frames = 0
         self._problems: dict[str, int] = {}
@@ -105,8 +108,11 @@ def open_bus(specification: str, fd: bool = False) -> FrameBus:
     "auto" is socketcan:vcan0 if that is there and up (and, with `fd`, carries CAN FD), otherwise a
     virtual bus in this process that hears what it sends. Raises BusError naming interface and channel.
     """
+    remark = ""
     if specification == "auto":
-        specification = "socketcan:vcan0" if not _problem_of("vcan0", fd) else "virtual:vsensor"
+        problem_of_vcan0 = _problem_of("vcan0", fd)
+        specification = "virtual:vsensor" if problem_of_vcan0 else "socketcan:vcan0"
+        remark = problem_of_vcan0 if "vcan0" in can_interfaces() else ""
     interface, channel, options = _parse(specification)
     if interface == "socketcan" and (problem := _problem_of(channel, fd)):
         raise BusError(f"bus {specification}: {problem}")
@@ -116,11 +122,27 @@ def open_bus(specification: str, fd: bool = False) -> FrameBus:
         options["fd"] = True
     number = int(channel) if channel.isdecimal() and interface not in ("socketcan", "virtual") else channel
     try:
-        bus = can.Bus(number, interface, ignore_config=True, **options)
+        with _complaints() as complaints:
+            bus = can.Bus(number, interface, ignore_config=True, **options)
     except Exception as problem:  # each of python-can's 23 back ends raises its own
-        raise BusError(f"bus {specification} cannot be opened: {problem}; {_what_exists()}") from problem
+        told = "; ".join([*complaints, str(problem)])
+        raise BusError(f"bus {specification} cannot be opened: {told}; {_what_exists()}") from problem
     simulated = interface == "virtual" or (interface == "socketcan" and link_kind(channel) in SIMULATED_KINDS)
-    return FrameBus(bus, f"{interface}:{channel}", is_simulated=simulated)
+    return FrameBus(bus, f"{interface}:{channel}", is_simulated=simulated, remark=remark)
+
+
+@contextlib.contextmanager
+def _complaints() -> Iterator[list[str]]:
+    """Collect what python-can logs: a back end without its driver says there what it misses."""
+    heard: list[str] = []
+    handler = logging.Handler(logging.WARNING)
+    handler.emit = lambda record: heard.append(record.getMessage())  # type: ignore[method-assign]
+    logger = logging.getLogger("can")
+    logger.addHandler(handler)
+    try:
+        yield heard
+    finally:
+        logger.removeHandler(handler)
 
 
 def can_interfaces() -> list[str]:

@@ -114,7 +114,8 @@ def _check_scenario(scenario: Scenario, profile: str | None, dbc: Path | None) -
 
     scenario = with_profile(scenario, RunOptions(profile=profile, dbc=dbc))
     line = build_line(scenario)
-    findings = [*line.source.findings, *audit(load_database(line.profile.database))]
+    uneven = line.uneven(scenario.config.cycle_ms * 1_000_000)
+    findings = [*line.source.findings, *uneven, *audit(load_database(line.profile.database))]
     head = [f"scenario {scenario.name}: source {scenario.source}", *line.source.notes]
     return _report(head, findings, [*_model_lines(scenario, line), *_profile_lines(line.profile)])
 

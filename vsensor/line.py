@@ -104,6 +104,17 @@ class Line:
             ),
         )
 
+    def uneven(self, period_ns: int) -> tuple[str, ...]:
+        """Say which messages the slots of `period_ns` cannot send at even times, in one sentence if any."""
+        wrong = [plan for plan in self.profile.messages if plan.cycle_ns % period_ns]
+        if not wrong:
+            return ()
+        first = wrong[0]
+        return (
+            f"cycle_ms = {period_ns / 1e6:g}: {len(wrong)} messages ({first.layout.name} every "
+            f"{first.cycle_ns / 1e6:g} ms, ...) are no multiple of it and leave in the next slot, unevenly",
+        )
+
     def accepts(self, frame: Frame) -> bool:
         """Return whether a frame that was heard decodes through the profile, CRC included."""
         return self.profile.decode(frame, check=True) is not None

@@ -62,8 +62,10 @@ def run_scenario(scenario: Scenario, options: RunOptions, say: Say) -> Summary:
         epoch_ns = epoch_offset_ns() + (MonotonicClock().now_ns() if options.fast else start_ns)
         sinks = _sinks(scenario, options, line, epoch_ns, stack)
         if bus is not None:
-            say(f"sending on {bus.name} every {scenario.config.cycle_ms} ms, profile {line.profile.name}")
-        for text in (*line.source.notes, *line.source.findings):
+            say(f"sending on {bus.name} {_rhythm(line)}, profile {line.profile.name}")
+            if bus.remark:
+                say(bus.remark)
+        for text in (*line.source.notes, *line.source.findings, *line.uneven(period_ns)):
             say(text)
         stopped = stack.enter_context(_stop_signals())
         advance = stack.enter_context(_progress(options, ticks, period_ns))
@@ -101,6 +103,12 @@ def with_profile(scenario: Scenario, options: RunOptions) -> Scenario:
     return msgspec.structs.replace(scenario, config=msgspec.structs.replace(scenario.config, output=changed))
 
 
+def _rhythm(line: Line) -> str:
+    """Return how often messages leave, as a person says it."""
+    cycles = sorted({plan.cycle_ns // 1_000_000 for plan in line.profile.messages})
+    return f"every {cycles[0]} ms" if len(cycles) == 1 else f"every {cycles[0]} to {cycles[-1]} ms"
+
+
 def _require_places(scenario: Scenario, options: RunOptions) -> None:
     """Refuse files that cannot be written, and those that the run reads, before anything is replaced."""
     for path in filter(None, (options.log, options.trace, options.picture)):
@@ -120,7 +128,7 @@ def _bus(options: RunOptions, line: Line) -> FrameBus | None:
     if options.fast and options.bus is None:
         return None
     is_fd = any(plan.layout.is_fd for plan in line.profile.messages)
-    bus = open_bus(options.bus or "auto", fd=is_fd)
+    bus = open_bus("auto" if options.bus is None else options.bus, fd=is_fd)
     if options.fast and not bus.is_simulated:
         bus.close()
         raise BusError(f"bus {options.bus}: --fast would flood a real bus; use it with vcan or virtual only")

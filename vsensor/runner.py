@@ -96,6 +96,8 @@ class Summary:
             f"frames sent {self.frames_sent}, refused by the bus {self.frames_refused}, "
             f"slots dropped {self.dropped_slots}, values saturated {self.saturated}",
         ]
+        if self.ended:
+            lines.append(f"the road or the recording ended after {simulated_s:.2f} s")
         if self.frames_heard:
             lines.append(f"frames heard {self.frames_heard}, decoded and checked {self.frames_decoded}")
         if self.real_time and self.lateness_ns:
