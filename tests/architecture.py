@@ -9,7 +9,7 @@ PACKAGE = "vsensor"
 ORDER = """
     types errors scenarios
     / transforms draws schema
-    / scene raycast
+    / scene raycast motion
     / camera region error_model lanefit tracker quality
     / sensor image
     / e2e

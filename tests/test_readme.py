@@ -192,18 +192,21 @@ def default_shown(field):
 
 def keys_of(struct):
     """Return {(section, key): default} of a scenario, in order."""
+    return keys_within(msgspec.inspect.type_info(struct), "(top)", "")
+
+
+def keys_within(struct, section, prefix):
+    """Return {(section, key): default} of a struct and of the sections inside it."""
     found = {}
-    for field in msgspec.inspect.type_info(struct).fields:
-        kind = field.type
-        section = f"[{field.encode_name}]"
-        if isinstance(kind, msgspec.inspect.VarTupleType) and isinstance(
-            kind.item_type, msgspec.inspect.StructType
-        ):
-            section, kind = f"[{section}]", kind.item_type
+    for field in struct.fields:
+        kind, name = field.type, prefix + field.encode_name
+        inner = f"[{name}]"
+        if isinstance(kind, msgspec.inspect.VarTupleType):
+            inner, kind = f"[{inner}]", kind.item_type
         if isinstance(kind, msgspec.inspect.StructType):
-            found |= {(section, inner.encode_name): default_shown(inner) for inner in kind.fields}
+            found |= keys_within(kind, inner, f"{name}.")
         else:
-            found["(top)", field.encode_name] = default_shown(field)
+            found[section, field.encode_name] = default_shown(field)
     return found
 
 

@@ -9,6 +9,7 @@ from vsensor.camera import CameraConfig
 from vsensor.error_model import ErrorModelConfig
 from vsensor.errors import ConfigError
 from vsensor.lanefit import LaneFitConfig
+from vsensor.motion import MotionConfig
 from vsensor.quality import QualityConfig
 from vsensor.region import RegionConfig
 from vsensor.scene import SceneConfig
@@ -49,6 +50,7 @@ class ScenarioConfig(Config, frozen=True, kw_only=True):
     road: LaidRoadConfig = LaidRoadConfig()
     vehicle: VehicleConfig = VehicleConfig()
     camera: CameraConfig = CameraConfig()
+    motion: MotionConfig = MotionConfig()
     scene: SceneConfig = SceneConfig()
     region: RegionConfig = RegionConfig()
     error_model: ErrorModelConfig = ErrorModelConfig()
@@ -62,12 +64,14 @@ class ScenarioConfig(Config, frozen=True, kw_only=True):
         """Return the sections that make up the sensor."""
         return SensorConfig(
             camera=self.camera,
+            motion=self.motion,
             scene=self.scene,
             region=self.region,
             error_model=self.error_model,
             fit=self.fit,
             tracker=self.tracker,
             quality=self.quality,
+            wheelbase_m=self.vehicle.wheelbase_m,
         )
 
 

@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
 
-from vsensor import error_model, lanefit, quality, tracker
+from vsensor import error_model, lanefit, motion, quality, tracker
 from vsensor.camera import Camera, CameraConfig, observe
 from vsensor.draws import Draws
 from vsensor.error_model import ErrorLaw, ErrorModelConfig, ErrorState, load_law
 from vsensor.lanefit import LaneFitConfig
+from vsensor.motion import Motion, MotionConfig, MotionState, load_motion
 from vsensor.quality import QualityConfig
 from vsensor.region import RegionConfig, limit
 from vsensor.scene import SceneConfig
@@ -29,23 +30,29 @@ def no_lap(stage: str) -> None:
 
 
 class SensorConfig(Config, frozen=True, kw_only=True):
-    """The sections of a scenario that make up the sensor."""
+    """The sections of a scenario that make up the sensor, and the vehicle's wheelbase."""
 
     camera: CameraConfig = CameraConfig()
+    motion: MotionConfig = MotionConfig()
     scene: SceneConfig = SceneConfig()
     region: RegionConfig = RegionConfig()
     error_model: ErrorModelConfig = ErrorModelConfig()
     fit: LaneFitConfig = LaneFitConfig()
     tracker: TrackerConfig = TrackerConfig()
     quality: QualityConfig = QualityConfig()
+    wheelbase_m: float = 2.8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensor:
-    """A sensor ready to look: its configuration, compiled once. `draws` places all random numbers."""
+    """A sensor ready to look: its configuration, compiled once. `draws` places all random numbers.
+
+    `motion` is None where the body stands still on the road, `law` where no errors are made.
+    """
 
     config: SensorConfig
     camera: Camera
+    motion: Motion | None
     law: ErrorLaw | None
     draws: Draws
 
@@ -55,6 +62,7 @@ class Sensor:
         return cls(
             config=config,
             camera=Camera.from_config(config.camera),
+            motion=load_motion(config.motion, config.wheelbase_m, folder),
             law=load_law(config.error_model, folder),
             draws=Draws(seed),
         )
@@ -64,6 +72,7 @@ class Sensor:
 class SensorState:
     """What the sensor remembers from image to image."""
 
+    motion: MotionState
     errors: ErrorState
     tracks: TrackerState
 
@@ -79,7 +88,9 @@ class Sensed:
 
 def initial_state() -> SensorState:
     """Return the state before the first image."""
-    return SensorState(errors=error_model.initial_state(), tracks=tracker.initial_state())
+    return SensorState(
+        motion=motion.initial_state(), errors=error_model.initial_state(), tracks=tracker.initial_state()
+    )
 
 
 def sense(
@@ -88,13 +99,18 @@ def sense(
     """Take one image of `snapshot` and report its lines.
 
     An ego state that is not finite is no exception: nothing is reported and the estimate says so.
+    The body's motion is seen by the camera alone; `snapshot` is not changed.
     """
-    config, ego, scene = sensor.config, snapshot.ego, snapshot.scene
+    config, ego, scene, body = sensor.config, snapshot.ego, snapshot.scene, state.motion
+    seen = snapshot
+    if sensor.motion is not None:
+        body, moved = motion.advance(sensor.motion, body, ego, sensor.draws, tick)
+        seen = replace(snapshot, ego=moved)
     is_known = _is_finite(ego)
     if not is_known:
         ego, scene = _STANDING, Scene(markings=())
-        snapshot = replace(snapshot, ego=ego, scene=scene)
-    observation = observe(sensor.camera, config.scene, snapshot)
+        seen = replace(snapshot, ego=ego, scene=scene)
+    observation = observe(sensor.camera, config.scene, seen)
     lap("camera")
     detections = limit(config.region, observation, ego.speed_mps, snapshot.t_ns)
     line_ids = tuple(scene.markings[place].group for place in detections.lines.marking.tolist())
@@ -113,7 +129,7 @@ def sense(
         degraded=not is_known,
     )
     lap("fit+track")
-    return SensorState(errors=errors, tracks=tracks), Sensed(
+    return SensorState(motion=body, errors=errors, tracks=tracks), Sensed(
         observation=observation, detections=detections, estimate=estimate
     )
 

@@ -1,0 +1,171 @@
+"""Body motion and vibration joined: from acceleration and driven way to where the body stands."""
+
+from dataclasses import dataclass, replace
+from math import isfinite, radians, sin
+from pathlib import Path
+
+from vsensor.draws import Draws, Stage
+from vsensor.errors import ConfigError
+from vsensor.motion.body import NANOSECONDS_PER_SECOND, Bumps, Mode, bump_height_m, lifted, ring
+from vsensor.motion.config import MotionConfig
+from vsensor.motion.recording import Recording, load_recording
+from vsensor.motion.vibration import NORMALS, Vibration
+from vsensor.types import EgoState, Tick
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motion:
+    """The motion model compiled: modes of the body, bumps, and what shakes it (None: nothing)."""
+
+    body: bool
+    pitch_gain: float
+    roll_gain: float
+    pitch: Mode
+    roll: Mode
+    heave: Mode
+    bumps: Bumps
+    wheelbase_m: float
+    noise: Vibration | None
+    recording: Recording | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionState:
+    """What is remembered from tick to tick: driven way, last speed and forces, modes, the noise's state.
+
+    `t_ns` is the last tick's time, -1 before the first one. `pitch`, `roll`, `heave` are the modes'
+    complex amplitudes, without the settled part of the forces (rad).
+    """
+
+    t_ns: int = -1
+    driven_m: float = 0.0
+    speed_mps: float = 0.0
+    pitch_force: float = 0.0
+    roll_force: float = 0.0
+    pitch: complex = 0j
+    roll: complex = 0j
+    heave: complex = 0j
+    noise: tuple[float, ...] = ()
+
+
+def load_motion(config: MotionConfig, wheelbase_m: float = 2.8, folder: Path = Path()) -> Motion | None:
+    """Compile `[motion]`; None if nothing of it is switched on. Raises ConfigError."""
+    if config.bumps and not config.body:
+        raise ConfigError("motion.bumps: they need the body's springs: motion.body = true")
+    if config.vibration_file is not None and config.vibration != "none":
+        raise ConfigError("motion.vibration_file: either a file or motion.vibration, not both")
+    recording = None
+    if config.vibration_file is not None:
+        recording = load_recording(folder / Path(config.vibration_file).expanduser())
+    noise = Vibration.of(config)
+    if not config.body and noise is None and recording is None:
+        return None
+    return Motion(
+        body=config.body,
+        pitch_gain=-radians(config.pitch_deg_per_mps2),  # braking is a < 0, nose down is positive
+        roll_gain=radians(config.roll_deg_per_mps2),  # in a bend to the left the left side rises
+        pitch=Mode.of(config.pitch_hz, config.damping),
+        roll=Mode.of(config.roll_hz, config.damping),
+        heave=Mode.of(config.heave_hz, config.damping),
+        bumps=Bumps.of(config.bumps),
+        wheelbase_m=wheelbase_m,
+        noise=noise,
+        recording=recording,
+    )
+
+
+def initial_state() -> MotionState:
+    """Return the state before the first tick."""
+    return MotionState()
+
+
+def advance(
+    motion: Motion, state: MotionState, ego: EgoState, draws: Draws, tick: Tick
+) -> tuple[MotionState, EgoState]:
+    """Move the body to the time of `tick`; return the ego with this motion added to its own.
+
+    Speed and accelerations count as linear since the last tick, over a bump the speed as constant. The
+    first tick finds the body settled and the noise stationary. Values that are not finite: the last
+    ones hold. The body pitches about the middle between the axles.
+    """
+    begins = tick.t_ns <= state.t_ns or state.t_ns < 0
+    period_ns = 0 if begins else tick.t_ns - state.t_ns
+    noise = _noise(motion, state.noise, draws, tick, period_ns)
+    if motion.body:
+        state = _settled(motion, ego) if begins else _moved(motion, state, ego, period_ns)
+    state = replace(state, t_ns=tick.t_ns, noise=noise)
+    pitch, roll, heave = _shaken(motion, noise, tick)
+    pitch += state.pitch_force + state.pitch.real
+    roll += state.roll_force + state.roll.real
+    heave += state.heave.real + 0.5 * motion.wheelbase_m * sin(pitch)  # the origin is at the rear axle
+    return state, replace(
+        ego,
+        body_pitch_rad=ego.body_pitch_rad + pitch,
+        body_roll_rad=ego.body_roll_rad + roll,
+        body_heave_m=ego.body_heave_m + heave,
+    )
+
+
+def _noise(
+    motion: Motion, noise: tuple[float, ...], draws: Draws, tick: Tick, period_ns: int
+) -> tuple[float, ...]:
+    if motion.noise is None:
+        return ()
+    normals = draws.at(Stage.CAMERA, tick.index).standard_normal(NORMALS).tolist()
+    if not period_ns:
+        return motion.noise.start(normals)
+    return motion.noise.advance(noise, period_ns, normals)
+
+
+def _shaken(motion: Motion, noise: tuple[float, ...], tick: Tick) -> tuple[float, float, float]:
+    if motion.recording is not None:
+        return motion.recording.motion(tick.t_ns)
+    return (0.0, 0.0, 0.0) if motion.noise is None else motion.noise.motion(noise)
+
+
+def _settled(motion: Motion, ego: EgoState) -> MotionState:
+    """Return the state of a body that has been moving like this for long."""
+    pitch = heave = 0j
+    for bump in motion.bumps.near(0.0, motion.wheelbase_m):
+        front, rear = bump_height_m(bump, motion.wheelbase_m), bump_height_m(bump, 0.0)
+        pitch -= motion.pitch.foot / motion.pitch.pole * (rear - front) / motion.wheelbase_m
+        heave -= motion.heave.foot / motion.heave.pole * (rear + front) / 2.0
+    return MotionState(
+        speed_mps=_known(ego.speed_mps, 0.0),
+        pitch_force=motion.pitch_gain * _known(ego.acceleration_mps2, 0.0),
+        roll_force=motion.roll_gain * _known(ego.lateral_acceleration_mps2, 0.0),
+        pitch=pitch,
+        heave=heave,
+    )
+
+
+def _moved(motion: Motion, state: MotionState, ego: EgoState, period_ns: int) -> MotionState:
+    """Return the body's state a tick later."""
+    speed = _known(ego.speed_mps, state.speed_mps)
+    pitch_force, roll_force = state.pitch_force, state.roll_force
+    if isfinite(ego.acceleration_mps2):
+        pitch_force = motion.pitch_gain * ego.acceleration_mps2
+    if isfinite(ego.lateral_acceleration_mps2):
+        roll_force = motion.roll_gain * ego.lateral_acceleration_mps2
+    mean_mps = 0.5 * (state.speed_mps + speed)
+    pitch = ring(motion.pitch, state.pitch, pitch_force - state.pitch_force, period_ns)
+    heave = ring(motion.heave, state.heave, 0.0, period_ns)
+    way_m = mean_mps * (period_ns / NANOSECONDS_PER_SECOND)
+    rear_m, front_m = state.driven_m, state.driven_m + motion.wheelbase_m
+    for bump in motion.bumps.near(min(rear_m, rear_m + way_m), max(front_m, front_m + way_m)):
+        for axle_m, lever_m in ((rear_m, motion.wheelbase_m), (front_m, -motion.wheelbase_m)):
+            pitch += lifted(motion.pitch, bump, axle_m, mean_mps, period_ns) / lever_m
+            heave += lifted(motion.heave, bump, axle_m, mean_mps, period_ns) / 2.0
+    return MotionState(
+        driven_m=rear_m + way_m,
+        speed_mps=speed,
+        pitch_force=pitch_force,
+        roll_force=roll_force,
+        pitch=pitch,
+        roll=ring(motion.roll, state.roll, roll_force - state.roll_force, period_ns),
+        heave=heave,
+    )
+
+
+def _known(value: float, otherwise: float) -> float:
+    return value if isfinite(value) else otherwise
