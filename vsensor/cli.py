@@ -43,6 +43,16 @@ Compare output with truth in a trace that `vsensor run --trace FILE` wrote.
 Lateral error at 10, 20, 50, 80 m (mean, std, 95 % of the absolute error), range, availability.
 """
 
+SWEEP_HELP = """\
+Run a scenario over a grid of settings and seeds on all cores, and score every run against the truth.
+
+  vsensor sweep highway --vary camera.width_px=320,640,1280 --seeds 5 --duration 20
+  vsensor sweep mine.toml --vary camera.pitch_deg=-2:2:0.5 --vary camera.occlusion=none,auto --out pitch
+
+Into a folder: table.csv, table.parquet, plot.png (error and range against each setting), cells/. Stopped by
+Ctrl-C or a crash, the same command goes on with what is missing. Exit 1 if a cell failed.
+"""
+
 
 class _Parser(argparse.ArgumentParser):
     """Says what is wrong in one line."""
@@ -87,6 +97,9 @@ def run(arguments: argparse.Namespace) -> int:
         log=arguments.log,
         trace=arguments.trace,
         picture=arguments.picture,
+        images=arguments.images,
+        image_every=arguments.image_every,
+        video=arguments.video,
         fast=arguments.fast,
         profile=arguments.profile,
         dbc=arguments.dbc,
@@ -130,6 +143,26 @@ def score(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def sweep(arguments: argparse.Namespace) -> int:
+    """`vsensor sweep`: a scenario over a grid of settings, in simulated time."""
+    from vsensor.study import SweepOptions, sweep_scenario
+
+    options = SweepOptions(
+        vary=tuple(arguments.vary),
+        seeds=arguments.seeds,
+        out=arguments.out,
+        duration_s=arguments.duration,
+        scheduler=arguments.scheduler,
+        workers=arguments.workers,
+        progress=sys.stderr.isatty() and not arguments.quiet,
+    )
+    report = sweep_scenario(arguments.scenario, options, say=_note)
+    print("\n".join(report.lines))
+    for failure in report.failures:
+        _note(failure)
+    return 130 if report.interrupted else int(bool(report.failures))
+
+
 def _note(text: str) -> None:
     print(f"vsensor: {text}", file=sys.stderr)
 
@@ -146,6 +179,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_check(commands)
     _add_decode(commands)
     _add_score(commands)
+    _add_sweep(commands)
     return parser
 
 
@@ -193,6 +227,13 @@ def _add_run(commands: "Commands") -> None:
     added.add_argument("--log", type=Path, metavar="FILE", help="write what was sent: .log .asc .blf .mf4")
     added.add_argument("--trace", type=Path, metavar="FILE", help="truth beside output: .npz .csv .parquet")
     added.add_argument("--picture", type=Path, metavar="FILE", help="draw lanes and camera view: .png .svg")
+    added.add_argument(
+        "--images", type=Path, metavar="DIR", help="draw what the camera sees: PNGs; with --fast"
+    )
+    added.add_argument(
+        "--image-every", type=_ticks, default=25, metavar="N", help="one PNG every N ticks (25: each second)"
+    )
+    added.add_argument("--video", type=Path, metavar="FILE", help="every tick: .mp4, or .avi without loss")
     added.add_argument("--duration", type=_positive, metavar="S", help="end after S seconds (the scenario's)")
     added.add_argument("--fast", action="store_true", help="simulated clock, as quickly as it goes; no bus")
     added.add_argument("--seed", type=_seed, metavar="N", help="seed of all random draws (the scenario's)")
@@ -223,6 +264,24 @@ def _add_score(commands: "Commands") -> None:
     added.add_argument("trace", type=Path, help="trace file: .npz .csv .parquet")
 
 
+def _add_sweep(commands: "Commands") -> None:
+    added = _command(commands, "sweep", sweep, SWEEP_HELP)
+    added.add_argument("scenario", help="scenario file or shipped name, or a bare map (.xodr) or CAN log")
+    added.add_argument(
+        "--vary",
+        action="append",
+        required=True,
+        metavar="KEY=VALUES",
+        help="a scenario key such as camera.width_px and its values: 320,640 or start:stop:step; repeatable",
+    )
+    added.add_argument("--seeds", type=_count, default=1, metavar="N", help="runs of each setting (1)")
+    added.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (sweep_NAME)")
+    added.add_argument("--duration", type=_positive, metavar="S", help="seconds of each run (the scenario's)")
+    added.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler, such as tcp://host:8786")
+    added.add_argument("--workers", type=_count, metavar="N", help="local processes (all cores)")
+    added.add_argument("--quiet", action="store_true", help="no progress bar")
+
+
 def _positive(text: str) -> float:
     try:
         value = float(text)
@@ -233,10 +292,24 @@ def _positive(text: str) -> float:
     return value
 
 
+def _ticks(text: str) -> int:
+    value = int(text) if text.isdecimal() else 0
+    if not 0 < value < 2**31:
+        raise argparse.ArgumentTypeError(f"{text}: expected a number of ticks, at least 1")
+    return value
+
+
 def _seed(text: str) -> int:
     value = int(text) if text.isdecimal() else -1
     if not 0 <= value < 2**63:
         raise argparse.ArgumentTypeError(f"{text}: expected an integer from 0 to 2^63 - 1")
+    return value
+
+
+def _count(text: str) -> int:
+    value = int(text) if text.isdecimal() else 0
+    if not 0 < value <= 100_000:
+        raise argparse.ArgumentTypeError(f"{text}: expected an integer from 1 to 100000")
     return value
 
 
