@@ -98,8 +98,10 @@ def fit(config: LaneFitConfig, x_m: Array, y_m: Array, sigma_y_m: Array) -> Fit 
 
 def _followed(config: LaneFitConfig, found: Fit, sigma_y_m: Array) -> float:
     """Return the share of its length on which a fit may follow its line; the misfit grows as length^4."""
+    if not found.residual_std_m > config.max_misfit_m:  # NaN: as many coefficients as points
+        return 1.0
     limit = hypot(config.max_misfit_m, _noise_m(sigma_y_m, None))
-    if not found.residual_std_m > limit:  # NaN: as many coefficients as points
+    if found.residual_std_m <= limit:
         return 1.0
     return min(max(sqrt(sqrt(limit / found.residual_std_m)), 0.5), 0.9)
 

@@ -44,8 +44,10 @@ class Windows:
             return
         for i in self._blocks.between(start, end):
             piece = self._blocks[i].piece
-            if i not in self._strips or not self._blocks.has_table(piece):
+            if i not in self._strips:
                 self._strip(i)
+                return
+            if not self._blocks.has_table(piece):
                 self._blocks.table(piece)
                 return
         self._ready_page = number
