@@ -9,7 +9,7 @@ PACKAGE = "vsensor"
 ORDER = """
     types errors scenarios
     / transforms draws schema
-    / scene raycast motion
+    / scene raycast distortion motion
     / camera region error_model lanefit tracker quality
     / sensor image
     / e2e
