@@ -111,6 +111,7 @@ def test_a_trace_can_be_scored(capsys, tmp_path, suffix):
     assert status == 0
     assert re.search(r"\bleft\b", out)
     assert re.search(r"\b20\b.*m", out)
+    assert re.search(r"left +seen, but not sent yet +5\b", out)  # the sensor starts in 0.2 s
 
 
 def test_a_picture_is_drawn(capsys, tmp_path):
@@ -276,6 +277,35 @@ def test_check_sends_a_trace_to_score(capsys, tmp_path):
     assert_one_line(err, "trace.npz", "vsensor score")
 
 
+def test_check_finds_garbage_in_a_log(capsys, tmp_path):
+    log = tmp_path / "out.log"
+    vsensor(capsys, "run", "--fast", "--duration", 1, "--log", log)
+    status, out, _ = vsensor(capsys, "check", log)
+    assert status == 0
+    assert out.splitlines()[-1] == "no findings"
+    log.write_text(log.read_text() + "(17953839\n")
+    status, out, _ = vsensor(capsys, "check", log)
+    assert status == 1
+    assert "finding: 1 lines are no CAN frames, first line 326" in out
+
+
+@needs_shared
+def test_check_says_what_a_maker_reads_where_there_is_no_line(capsys, tmp_path):
+    profile = tmp_path / "maker.toml"
+    text = (
+        'schema = "vsensor.profile/1"\n[messages.LEFT_LANE_LINE_1]\ncycle_ms = 40\n'
+        "[messages.LEFT_LANE_LINE_1.signals]\n"
+        'LINE_PROBABILITY = { quantity = "left.quality", table = { 4 = 63, other = 0 } }\n'
+    )
+    dbc = SHARED_DATA / "dbc" / "honda_bosch_lane_lines_extract.dbc"
+    profile.write_text(text + 'LINE_OFFSET = "left.offset_m"\n')
+    _, out, _ = vsensor(capsys, "check", profile, "--dbc", dbc)
+    assert "no SNA value, so sent as their start value while there is no line: " in out
+    assert "LEFT_LANE_LINE_1.LINE_OFFSET (-8.192)" in out
+    profile.write_text(text + 'LINE_OFFSET = { quantity = "left.offset_m", sna = 4095 }\n')
+    assert "no SNA value" not in vsensor(capsys, "check", profile, "--dbc", dbc)[1]
+
+
 # --- bad input ----------------------------------------------------------------------------------------
 
 
@@ -293,6 +323,9 @@ def test_check_sends_a_trace_to_score(capsys, tmp_path):
         ("[ego]\nspeed_kmh = 3000\n", ["ego.speed_kmh", "540 km/h"]),
         ("[ego]\nroad = '99'\n", ["99"]),
         ("[ego]\nlane = 77\nroad = '1'\n", ["77"]),
+        ("[ego]\nlane = -2\n", ["scenario.toml", "ego.lane = -2", "ego.road"]),
+        ("[ego]\ns_m = 1e9\n", ["scenario.toml", "ego.s_m", "ego.road"]),
+        ("[ego]\ns_m = 1e9\nroad = '1'\n", ["road 1", "1e+09"]),
         ("[[traffic]]\nkind = 'tank'\n", ["traffic", "tank"]),
         ("[[traffic]]\nrecycle_m = 300\n", ["traffic[0].recycle_m"]),
         ("[error_model]\nfile = 'none.npz'\n", ["none.npz", "no such file"]),

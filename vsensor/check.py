@@ -10,10 +10,11 @@ from vsensor.config import SHIPPED, Scenario, load_scenario
 from vsensor.errors import ConfigError
 from vsensor.line import Line, build_line
 from vsensor.logs import read_log
-from vsensor.profile import Profile, load_profile, quantisation_error_m, shipped_profiles
+from vsensor.profile import QUANTITIES, Profile, load_profile, quantisation_error_m, shipped_profiles
 from vsensor.runner import STAGES, run_loop
 from vsensor.schema import read_toml, user_path
 from vsensor.sources import LOG_SUFFIXES, MAP_SUFFIXES
+from vsensor.types import SIDE_NAMES
 from vsensor.world.corridor import Corridor
 from vsensor.world.opendrive import load_map
 
@@ -85,11 +86,31 @@ def _profile_lines(profile: Profile) -> list[str]:
         )
     errors = quantisation_error_m(profile)
     if profile.role == "sensor":
+        lines += _without_sna(profile)
         shown = ", ".join(f"{1e3 * error:.1f} mm at {x:g} m" for x, error in errors.items())
         lines.append(f"  quantisation adds at most {shown}")
         load = frames_per_s * BITS_PER_FRAME / 500e3
         lines.append(f"  {frames_per_s:.0f} frames/s, about {100 * load:.1f} % of a bus of 500 kbit/s")
     return lines
+
+
+def _needs_line(quantity: str) -> bool:
+    """Return whether a quantity is a measure that there is none of where no line is seen."""
+    return quantity.split(".")[0] in (*SIDE_NAMES.values(), "lane") and QUANTITIES[quantity].unit != ""
+
+
+def _without_sna(profile: Profile) -> list[str]:
+    """Say which numbers go out as their start value while there is none, for want of an SNA value."""
+    found = [
+        f"{plan.layout.name}.{signal.name} ({binding.signal.physical(signal.start_raw):g})"
+        for plan in profile.messages
+        for binding in plan.bindings
+        for signal in (binding.signal,)
+        if _needs_line(binding.quantity) and signal.sna_raw is None and binding.raw_of_code is None
+    ]
+    return [
+        f"  no SNA value, so sent as their start value while there is no line: {', '.join(found)}"
+    ] * bool(found)
 
 
 def _check_map(path: Path) -> Report:
@@ -106,7 +127,9 @@ def _check_map(path: Path) -> Report:
 
 
 def _check_log(path: Path) -> Report:
-    return _report([], [], list(read_log(path).report.lines()) or [f"{path}: nothing to remark"])
+    report = read_log(path).report
+    problems = report.problems()
+    return _report([], problems, [line for line in report.lines() if line not in problems])
 
 
 def _check_scenario(scenario: Scenario, profile: str | None, dbc: Path | None) -> Report:

@@ -143,9 +143,7 @@ def score_lines(score: Score) -> list[str]:
         for side in everyone
     ]
     reasons = [
-        (side.name, reason.name.lower().replace("_", " "), str(n))
-        for side in score.sides
-        for reason, n in side.unseen.items()
+        (side.name, _reason_text(reason), str(n)) for side in score.sides for reason, n in side.unseen.items()
     ]
     return [
         f"{score.ticks} ticks; lateral error in m, reported minus true, positive = too far left",
@@ -154,6 +152,10 @@ def score_lines(score: Score) -> list[str]:
         *_aligned(("side", "range m", "5 %", "95 %", "true lines", "available %", "false reports"), ranges),
         *(["", *_aligned(("side", "not reported because", "n"), reasons)] if reasons else []),
     ]
+
+
+def _reason_text(reason: Unseen) -> str:
+    return "seen, but not sent yet" if reason == Unseen.SEEN else reason.name.lower().replace("_", " ")
 
 
 def _error_row(name: str, place: str, stats: ErrorStats) -> tuple[str, ...]:

@@ -48,7 +48,14 @@ class EgoConfig(Config, frozen=True, kw_only=True):
     offset_m: Points = 0.0
 
     def corridor(self) -> CorridorConfig:
-        """Return where the corridor begins and which way it goes."""
+        """Return where the corridor begins and which way it goes.
+
+        Raises ConfigError for a place on no road: with road "auto" the longest drive has its own start.
+        """
+        if self.road == "auto":
+            for key, value in (("lane", None if self.lane == "auto" else self.lane), ("s_m", self.s_m)):
+                if value is not None:
+                    raise ConfigError(f"ego.{key} = {value}: which road? give ego.road too")
         return CorridorConfig(
             road=self.road,
             lane=None if self.lane == "auto" else self.lane,
