@@ -6,6 +6,7 @@ Exit status: 0 done, 1 a check said no, 2 bad input (one line on stderr), 130 en
 import argparse
 import math
 import os
+import shutil
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -127,7 +128,8 @@ def decode(arguments: argparse.Namespace) -> int:
 
     profiles = load_profiles(arguments.profile or ["native"], arguments.dbc)
     table = decode_log(arguments.log, profiles)
-    for line in table.csv_lines() if arguments.csv else table.text_lines():
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+    for line in table.csv_lines() if arguments.csv else table.text_lines(width):
         print(line)
     for finding in table.findings:
         _note(finding)

@@ -109,6 +109,19 @@ def test_text_lines_are_aligned_and_name_the_codes(log):
     assert "nan" not in "".join(lines)
 
 
+@pytest.mark.parametrize("width", [40, 80, 132])
+def test_text_for_a_terminal_holds_the_same_columns_in_tables_that_fit(log, width):
+    table = decode_log(log, [load_profile("native")])
+    whole = list(table.text_lines())
+    parts = "\n".join(table.text_lines(width)).split("\n\n")
+    assert max(len(line) for part in parts for line in part.split("\n")) <= width
+    assert all(len(part.split("\n")) == len(whole) for part in parts)
+    joined = [
+        [cell for part in parts for cell in part.split("\n")[row].split()[1:]] for row in range(1, len(whole))
+    ]
+    assert joined == [line.split()[1:] for line in whole[1:]]
+
+
 def test_a_column_without_any_value_is_not_in_the_text(log):
     table = decode_log(log, [load_profile("native")])
     columns = list(zip(*(line.split() for line in list(table.text_lines())[2:]), strict=True))

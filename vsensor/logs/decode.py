@@ -40,18 +40,38 @@ class DecodedTable:
         for t_ns, row in _rows(self.t_ns, self.columns):
             yield ",".join((_seconds(t_ns), *(_plain(value) for value in row)))
 
-    def text_lines(self) -> Iterator[str]:
-        """Yield an aligned table, header of two lines; codes by name, NaN as "-", empty columns left out."""
+    def text_lines(self, width: int | None = None) -> Iterator[str]:
+        """Yield an aligned table, header of two lines; codes by name, NaN as "-", empty columns left out.
+
+        Of more than `width` characters it becomes several tables, one below the other, each with the time.
+        """
         kept = {name: values for name, values in self.columns.items() if not np.isnan(values).all()}
         heads = [("", "time_s"), *(tuple(name.split(".", 1)) if "." in name else ("", name) for name in kept)]
         widths = [max(len(part) for part in (*head, "-0.000123")) for head in heads]
         widths[0] = max([len(_seconds(int(t_ns), 6)) for t_ns in self.t_ns[[0, -1]]], default=6)
-        yield _aligned([head[0] for head in heads], widths)
-        yield _aligned([head[1] for head in heads], widths)
-        codes = [QUANTITIES[name].codes if name in QUANTITIES else None for name in kept]
-        for t_ns, row in _rows(self.t_ns, kept):
-            cells = [_shown(value, code) for value, code in zip(row, codes, strict=True)]
-            yield _aligned([_seconds(t_ns, 6), *cells], widths)
+        names = list(kept)
+        for first, last in _tables(widths, width):
+            if first:
+                yield ""
+            some = [widths[0], *widths[first + 1 : last + 1]]
+            for part in (0, 1):
+                yield _aligned([heads[0][part], *(head[part] for head in heads[first + 1 : last + 1])], some)
+            chosen = {name: kept[name] for name in names[first:last]}
+            codes = [QUANTITIES[name].codes if name in QUANTITIES else None for name in chosen]
+            for t_ns, row in _rows(self.t_ns, chosen):
+                cells = [_shown(value, code) for value, code in zip(row, codes, strict=True)]
+                yield _aligned([_seconds(t_ns, 6), *cells], some)
+
+
+def _tables(widths: Sequence[int], width: int | None) -> Iterator[tuple[int, int]]:
+    """Yield which columns (from, to; the time, `widths[0]`, not counted) fit beside each other."""
+    first, used = 0, widths[0]
+    for place, one in enumerate(widths[1:]):
+        if width is not None and used + 1 + one > width and place > first:
+            yield first, place
+            first, used = place, widths[0]
+        used += 1 + one
+    yield first, len(widths) - 1
 
 
 def _rows(t_ns: IntArray, columns: dict[str, Array]) -> Iterator[tuple[int, tuple[float, ...]]]:
