@@ -8,6 +8,7 @@ import msgspec
 from vsensor.camera import CameraConfig
 from vsensor.error_model import ErrorModelConfig
 from vsensor.errors import ConfigError
+from vsensor.image import ImageConfig
 from vsensor.lanefit import LaneFitConfig
 from vsensor.motion import MotionConfig
 from vsensor.quality import QualityConfig
@@ -58,6 +59,7 @@ class ScenarioConfig(Config, frozen=True, kw_only=True):
     tracker: TrackerConfig = TrackerConfig()
     quality: QualityConfig = QualityConfig()
     state: StateConfig = StateConfig()
+    image: ImageConfig = ImageConfig()
     output: BusConfig = BusConfig()
 
     def sensor(self) -> SensorConfig:

@@ -14,6 +14,7 @@ import msgspec
 from vsensor.bus import FrameBus, open_bus
 from vsensor.clock import Clock, MonotonicClock, SimulatedClock, epoch_offset_ns
 from vsensor.config import Scenario
+from vsensor.draws import Draws
 from vsensor.errors import BusError, ConfigError
 from vsensor.line import Line, build_line, tick_count
 from vsensor.profile import quantisation_error_m
@@ -35,6 +36,9 @@ class RunOptions:
     log: Path | None = None
     trace: Path | None = None
     picture: Path | None = None
+    images: Path | None = None
+    image_every: int = 25
+    video: Path | None = None
     fast: bool = False
     profile: str | None = None
     dbc: Path | None = None
@@ -86,7 +90,8 @@ def run_scenario(scenario: Scenario, options: RunOptions, say: Say) -> Summary:
         )
     if bus is not None and bus.report():
         summary.notes.append(bus.report())
-    summary.notes += [f"wrote {path}" for path in (options.log, options.trace, options.picture) if path]
+    written = (options.log, options.trace, options.picture, options.images, options.video)
+    summary.notes += [f"wrote {path}" for path in written if path]
     return summary
 
 
@@ -111,7 +116,7 @@ def _rhythm(line: Line) -> str:
 
 def _require_places(scenario: Scenario, options: RunOptions) -> None:
     """Refuse files that cannot be written, and those that the run reads, before anything is replaced."""
-    for path in filter(None, (options.log, options.trace, options.picture)):
+    for path in filter(None, (options.log, options.trace, options.picture, options.video)):
         if path.is_dir():
             raise ConfigError(f"{path}: cannot be written: is a folder")
         if not path.parent.is_dir():
@@ -122,6 +127,8 @@ def _require_places(scenario: Scenario, options: RunOptions) -> None:
         from vsensor.sinks.trace_file import writer_for
 
         writer_for(options.trace)
+    if (options.images or options.video) and not options.fast:
+        raise ConfigError("--images and --video need --fast: an image takes longer than a cycle to draw")
 
 
 def _bus(options: RunOptions, line: Line) -> FrameBus | None:
@@ -148,6 +155,21 @@ def _sinks(
 
         wheelbase_m = scenario.config.vehicle.wheelbase_m
         sinks.append(PictureSink(options.picture, line.sensor.camera, front_axle_x_m=wheelbase_m))
+        stack.callback(sinks[-1].close)
+    if options.images is not None or options.video is not None:
+        from vsensor.sinks.image import ImageSink
+
+        sinks.append(
+            ImageSink(
+                line.sensor.camera,
+                scenario.config.image,
+                Draws(scenario.config.seed),
+                folder=options.images,
+                every=options.image_every,
+                video=options.video,
+                period_ns=scenario.config.cycle_ms * 1_000_000,
+            )
+        )
         stack.callback(sinks[-1].close)
     if options.log is not None:
         from vsensor.sinks.log import LogSink

@@ -68,13 +68,15 @@ def coverage(edges: Edges, width_px: int, height_px: int) -> Patch:
     """Return the sum of weight times covered area, for the part of the image where there is any."""
     x0, y0, x1, y1, weight = _upright(edges)
     y0, y1, x0, x1 = _cut(y0, y1, x0, x1, height_px)
-    crosses = (y1 > y0) & (np.minimum(x0, x1) < width_px)
-    if not crosses.any():
+    is_beside = y1 > y0
+    adds = is_beside & (np.minimum(x0, x1) < width_px)  # an edge right of the image covers nothing in it
+    if not adds.any():
         return Patch(0, 0, np.zeros((0, 0), dtype=np.float32))
-    x0, y0, x1, y1, weight = (values[crosses] for values in (x0, y0, x1, y1, weight))
+    rightmost = max(x0[is_beside].max(), x1[is_beside].max())
+    x0, y0, x1, y1, weight = (values[adds] for values in (x0, y0, x1, y1, weight))
     top, bottom = int(y0.min()), int(np.ceil(y1.max()))
     left = int(np.clip(min(x0.min(), x1.min()), 0, width_px - 1))
-    right = int(np.clip(np.ceil(max(x0.max(), x1.max())), left + 1, width_px))
+    right = int(np.clip(np.ceil(rightmost), left + 1, width_px))
     row, xa, xb, dy = _rows(x0, y0 - top, x1, y1 - top, weight)
     values = _deposited(row, xa - left, xb - left, dy, right - left, bottom - top)
     return Patch(top, left, values)

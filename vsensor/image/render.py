@@ -33,7 +33,7 @@ from vsensor.types import Colour, Environment, Obstacle, Snapshot, Tick
 
 Image = NDArray[np.uint8]
 
-_SUN_EGO = np.array([-0.48, 0.36, 0.8])
+_SUN_EGO = np.array([-0.6, 0.0, 0.8])
 _SHADE = 0.55  # of a face that the sun does not reach
 
 _Paint = tuple[Colour, Patch]
