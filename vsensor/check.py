@@ -1,20 +1,26 @@
 """`vsensor check FILE`: load everything, say which models are on and what they cost, audit, send nothing."""
 
+import time
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
+from statistics import median
 
+import numpy as np
+
+from vsensor import motion
 from vsensor.clock import SimulatedClock
 from vsensor.codec import Database, audit, load_database
 from vsensor.config import SHIPPED, Scenario, load_scenario
 from vsensor.errors import ConfigError
 from vsensor.line import Line, build_line
 from vsensor.logs import read_log
+from vsensor.motion import MotionConfig
 from vsensor.profile import QUANTITIES, Profile, load_profile, quantisation_error_m, shipped_profiles
 from vsensor.runner import STAGES, run_loop
 from vsensor.schema import read_toml, user_path
 from vsensor.sources import LOG_SUFFIXES, MAP_SUFFIXES
-from vsensor.types import SIDE_NAMES
+from vsensor.types import SIDE_NAMES, EgoState, Tick
 from vsensor.world.corridor import Corridor
 from vsensor.world.opendrive import load_map
 
@@ -143,6 +149,22 @@ def _check_scenario(scenario: Scenario, profile: str | None, dbc: Path | None) -
     return _report(head, findings, [*_model_lines(scenario, line), *_profile_lines(line.profile)])
 
 
+def _motion_lines(line: Line, config: MotionConfig, period_ns: int) -> list[str]:
+    """Say what moves the camera, and its part of the camera's time; nothing if nothing does."""
+    if line.sensor.motion is None:
+        return []
+    state, ego = motion.initial_state(), EgoState(t_ns=0, position_world_m=np.zeros(3), speed_mps=30.0)
+    times_ms = []
+    for index in range(TRIAL_TICKS):
+        tick = Tick(index=index, t_ns=index * period_ns, period_ns=period_ns)
+        began_ns = time.perf_counter_ns()
+        state, _ = motion.advance(line.sensor.motion, state, ego, line.sensor.draws, tick)
+        times_ms.append((time.perf_counter_ns() - began_ns) / 1e6)
+    springs = f"springs on, {len(config.bumps)} bumps" if config.body else "springs off"
+    vibration = config.vibration_file or config.vibration
+    return [f"    of it motion {median(times_ms):7.3f} ms  {springs}, vibration {vibration}"]
+
+
 def _model_lines(scenario: Scenario, line: Line) -> list[str]:
     """Say which models are on, and measure what they cost over the first ticks."""
     config = scenario.config
@@ -166,6 +188,7 @@ def _model_lines(scenario: Scenario, line: Line) -> list[str]:
     )
     p50_ms = summary.stopwatch.p50_ms()
     lines = [f"  {stage:<14} {p50_ms[stage]:7.3f} ms  {models[stage]}" for stage in STAGES if stage in models]
+    lines[2:2] = _motion_lines(line, config.motion, config.cycle_ms * 1_000_000)
     total = sum(p50_ms[stage] for stage in models)
     return [
         f"models that are on, and their time per tick (p50 of {summary.ticks} ticks):",

@@ -93,6 +93,7 @@ class Line:
             estimate=sensed.estimate,
             values=values,
             frames=frames,
+            camera_ego=sensed.camera_ego,
         )
         return Computed(
             output=output,

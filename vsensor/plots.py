@@ -119,7 +119,7 @@ def draw_from_above(axes: Any, output: Output) -> None:
 
 def draw_camera_view(axes: Any, camera: Camera, output: Output) -> None:
     """Draw in pixels what paint was seen and hidden, the vehicles' outlines, the reported lines."""
-    pose = camera_from_ego(camera, output.snapshot.ego)
+    pose = camera_from_ego(camera, output.seen.ego)
     _draw_boxes(axes, camera, pose, output)
     points = output.observation.candidates.points_ego_m
     lowest = -np.inf

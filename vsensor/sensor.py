@@ -79,11 +79,12 @@ class SensorState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensed:
-    """What one image gave, stage by stage."""
+    """What one image gave, stage by stage; `camera_ego` as in Output."""
 
     observation: Observation
     detections: Detections
     estimate: LaneEstimate
+    camera_ego: EgoState | None = None
 
 
 def initial_state() -> SensorState:
@@ -102,7 +103,7 @@ def sense(
     The body's motion is seen by the camera alone; `snapshot` is not changed.
     """
     config, ego, scene, body = sensor.config, snapshot.ego, snapshot.scene, state.motion
-    seen = snapshot
+    seen, moved = snapshot, None
     if sensor.motion is not None:
         body, moved = motion.advance(sensor.motion, body, ego, sensor.draws, tick)
         seen = replace(snapshot, ego=moved)
@@ -130,7 +131,7 @@ def sense(
     )
     lap("fit+track")
     return SensorState(motion=body, errors=errors, tracks=tracks), Sensed(
-        observation=observation, detections=detections, estimate=estimate
+        observation=observation, detections=detections, estimate=estimate, camera_ego=moved
     )
 
 

@@ -5,7 +5,7 @@ Snapshot -> Observation -> Detections -> LaneEstimate -> SignalValues -> Frame
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Any
 
@@ -359,7 +359,10 @@ class Frame:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Output:
-    """Everything of one tick, so that a sink can score what was sent against the truth."""
+    """Everything of one tick, so that a sink can score what was sent against the truth.
+
+    `camera_ego` is the vehicle as the camera stood on it, its body in motion; None: that of `snapshot`.
+    """
 
     tick: Tick
     snapshot: Snapshot
@@ -370,6 +373,12 @@ class Output:
     frames: tuple[Frame, ...]
     lateness_ns: int = 0
     stage_ns: Mapping[str, int] = field(default_factory=dict[str, int])
+    camera_ego: EgoState | None = None
+
+    @property
+    def seen(self) -> Snapshot:
+        """The truth as the camera stood in it; `snapshot` itself where the body stands still."""
+        return self.snapshot if self.camera_ego is None else replace(self.snapshot, ego=self.camera_ego)
 
 
 def frozen(values: Any, dtype: Any = np.float64) -> NDArray[Any]:

@@ -1,6 +1,8 @@
 """Motion in the sensor: the camera alone sees it, any tick restarts, and off is off."""
 
+import math
 import pickle
+import re
 
 import msgspec
 import numpy as np
@@ -8,7 +10,8 @@ import pytest
 
 from tests.lines import tick
 from tests.roads import ego, snapshot, straight
-from vsensor.config import load_scenario
+from vsensor.check import check_file
+from vsensor.config import SHIPPED, load_scenario
 from vsensor.draws import Draws
 from vsensor.errors import ConfigError
 from vsensor.line import build_line
@@ -105,6 +108,29 @@ def test_the_truth_keeps_its_ego():
         np.testing.assert_array_equal(
             output.snapshot.ego.position_world_m, other.snapshot.ego.position_world_m
         )
+
+
+def test_an_image_is_taken_from_where_the_body_stood():
+    (output, *_), (computed, *_) = run({"motion": {"vibration": "rough"}}, 1)
+    pitch, roll, heave = load_motion(MotionConfig(vibration="rough")).noise.motion(
+        computed.state_if_sent.sensor.motion.noise
+    )
+    seen = output.seen.ego
+    assert (seen.body_pitch_rad, seen.body_roll_rad) == (pitch, roll)
+    assert seen.body_heave_m == pytest.approx(heave + 1.4 * math.sin(pitch))
+    assert output.seen.scene is output.snapshot.scene
+    (output, *_), _ = run({}, 1)
+    assert output.seen is output.snapshot
+
+
+def test_check_lists_what_moves_the_camera_and_its_cost(tmp_path):
+    path = tmp_path / "shaken.toml"
+    text = f'schema = "vsensor.scenario/1"\nsource = "{SHIPPED / "highway.xodr"}"\n'
+    path.write_text(text)
+    assert not any("motion" in line for line in check_file(str(path)).lines)
+    path.write_text(f'{text}[motion]\nbody = true\nvibration = "smooth"\n[[motion.bumps]]\nat_m = 50\n')
+    (line,) = (line for line in check_file(str(path)).lines if "motion" in line)
+    assert re.fullmatch(r" +of it motion +\d\.\d{3} ms  springs on, 1 bumps, vibration smooth", line)
 
 
 def test_a_run_restarts_from_a_saved_state_with_the_same_frames():

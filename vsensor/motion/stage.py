@@ -10,6 +10,7 @@ from vsensor.motion.body import NANOSECONDS_PER_SECOND, Bumps, Mode, bump_height
 from vsensor.motion.config import MotionConfig
 from vsensor.motion.recording import Recording, load_recording
 from vsensor.motion.vibration import NORMALS, Vibration
+from vsensor.schema import user_path
 from vsensor.types import EgoState, Tick
 
 
@@ -56,7 +57,7 @@ def load_motion(config: MotionConfig, wheelbase_m: float = 2.8, folder: Path = P
         raise ConfigError("motion.vibration_file: either a file or motion.vibration, not both")
     recording = None
     if config.vibration_file is not None:
-        recording = load_recording(folder / Path(config.vibration_file).expanduser())
+        recording = load_recording(folder / user_path(config.vibration_file))
     noise = Vibration.of(config)
     if not config.body and noise is None and recording is None:
         return None

@@ -50,7 +50,7 @@ class ImageSink:
         wants_file = self._folder is not None and output.tick.index % self._every == 0
         if not wants_file and self._video is None:
             return
-        image = render(self._camera, self._config, output.snapshot, self._draws, output.tick)
+        image = render(self._camera, self._config, output.seen, self._draws, output.tick)
         if self._video is not None:
             self._video.write(image)
         if wants_file and self._folder is not None:
