@@ -621,6 +621,21 @@ def test_output_into_a_closed_pipe_ends_quietly(tmp_path):
     assert done.stderr == ""
 
 
+@pytest.mark.parametrize("words", [["decode", "out.log", "--csv"], ["check", "native"]])
+def test_output_onto_a_full_disk_is_one_line(tmp_path, words):
+    assert main(["run", "--fast", "--duration", "20", "--log", str(tmp_path / "out.log"), "--quiet"]) == 0
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "vsensor", *words],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=tmp_path,
+        )
+    assert done.returncode == 2
+    assert_one_line(done.stderr, "standard output", "No space left")
+
+
 @pytest.mark.parametrize("command", ["", "run", "check", "decode", "score"])
 def test_help_teaches_every_command(capsys, command):
     status, out, _ = vsensor(capsys, *command.split(), "--help")
