@@ -13,7 +13,7 @@ from vsensor.scene import world_from_ego
 from vsensor.transforms import rotation_from_rpy, rpy_from_rotation, transform
 from vsensor.types import EgoState, Side, frozen
 
-HALF_TURNS = (pi, -pi, nextafter(pi, 4.0), nextafter(-pi, -4.0), 3 * pi, 1e6 * pi)
+HALF_TURNS = (pi, -pi, nextafter(pi, 4.0), nextafter(-pi, -4.0), 3 * pi, 1_000_001 * pi)
 LOCKS = tuple(sign * pi / 2 - sign * 10.0**-k for sign in (1, -1) for k in (*range(1, 17), 400))
 ATTITUDES = (
     *((0.0, 0.0, yaw) for yaw in (pi, -pi, pi / 2, -pi / 2)),
@@ -71,7 +71,7 @@ def pitched_camera_error_px():
     worst = 0.0
     vehicle = EgoState(t_ns=0, position_world_m=frozen([0, 0, 0]), speed_mps=0.0, body_pitch_rad=1e-3)
     for degrees, height in ((90.0, 0.0), (-90.0, 9.0)):
-        config = CameraConfig(pitch_deg=degrees, yaw_deg=180.0, roll_deg=-180.0)
+        config = CameraConfig(hfov_deg=52.0, pitch_deg=degrees, yaw_deg=180.0, roll_deg=-180.0)
         camera = Camera.from_config(config)
         points = np.array([[x, y, height] for x in (1.5, 1.9, 2.5) for y in (-0.5, 0.0, 0.4)])
         to_camera = camera_from_ego(camera, vehicle)
@@ -137,7 +137,7 @@ def rows():
             "closed form",
         ),
         Row("yaw pi against -pi", "frames that differ", differing_half_turns(), "frames", 0.0, "each other"),
-        # three products of numbers up to 1; an angle of 1e6 pi is itself exact
+        # three products of numbers up to 1; an angle, however large, counts as it is
         Row("half turns and locks", "elements of the rotation", rotation_error(), "", 5e-16, "120 digits"),
         # below a cosine of 1e-12 roll is taken as 0
         Row(lock, "rotation from the angles found", lock_error(), "", 2e-12, "120 digits"),
