@@ -14,6 +14,7 @@ from vsensor.errors import ConfigError
 from vsensor.image import ImageConfig, render
 from vsensor.image.coverage import chained, coverage, outline
 from vsensor.image.ground import worn
+from vsensor.image.hills import Skyline
 from vsensor.transforms import transform
 from vsensor.types import (
     Colour,
@@ -383,3 +384,57 @@ def test_a_run_without_images_never_imports_opencv():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "False"
+
+
+def crest(x):
+    """Return the height of a road that is level for 30 m and then falls away on a radius of 600 m."""
+    return -((x - 30.0).clip(0.0) ** 2) / 1200.0
+
+
+def test_a_crest_hides_the_paint_behind_it():
+    """With d = x - 1.9, d0 = 28.1: slope (-1.35 - (d - d0)^2 / 1200) / d is largest at d^2 = d0^2 + 1620."""
+    x = np.arange(0.0, 120.0, 0.1)
+    touches = 1.9 + np.sqrt(28.1**2 + 1620.0)
+    behind = marking(x, 1.8, crest(x), painted=x > touches + 5.0)  # where it is 2 cm below the line of sight
+    assert not paint_in(snapshot(behind)).any()
+    before = marking(x, 1.8, crest(x), painted=(x > touches - 6.0) & (x < touches))
+    assert paint_in(snapshot(before)).any()
+
+
+def test_a_crest_hides_the_lower_part_of_a_vehicle_and_then_all_of_it():
+    x = np.arange(0.0, 160.0, 0.1)
+    line = marking(x, 3.0, crest(x), painted=False)
+
+    def rows_of(distance_m, *lines):
+        height = float(crest(np.array([distance_m]))[0])
+        vehicle = replace(
+            box(distance_m, number=1), centre_world_m=np.array([distance_m, 0.0, height + 0.75])
+        )
+        bare = taken(snapshot(*lines)).astype(int)
+        return np.count_nonzero((taken(snapshot(*lines, boxes=[vehicle])) != bare).any(axis=1))
+
+    assert rows_of(35.0, line) == rows_of(35.0)
+    assert 0 < rows_of(75.0, line) < rows_of(75.0) - 2
+    assert rows_of(75.0) > 0
+    assert rows_of(130.0, line) == 0
+    assert rows_of(130.0) > 0
+
+
+def test_a_road_that_climbs_into_the_sky_is_drawn_there_with_its_paint():
+    x = np.arange(0.0, 120.0, 0.1)
+    climbing = 0.001 * x**2
+    shot = snapshot(marking(x, 0.0, climbing))
+    ((u, v),) = pixels_of([[80.0, 0.0, 6.4]])
+    assert v < CAMERA.cy_px - 10
+    image = taken(shot).astype(int)
+    sky = int(taken(snapshot())[0, 0])
+    row = image[round(v)]
+    assert row[5] == sky
+    assert row[round(u) - 6] < sky - 50  # road beside the paint
+    assert row[round(u)] > row[round(u) - 6] + 50
+
+
+def test_a_flat_road_hides_nothing_of_itself():
+    line = straight(1.8)
+    eye = np.array([1.9, 0.0, 1.35])
+    assert Skyline(eye, np.array([1.0, 0.0, 0.0]), line.points_world_m).seen.all()

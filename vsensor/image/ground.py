@@ -63,7 +63,7 @@ def look(
     ahead, left, up = ahead[first:], left[first:], up[first:]
     slope = _slope_per_px(up)
     cover = np.clip(0.5 - up / slope, 0.0, 1.0)
-    depth = np.minimum(eye.translation[2] / np.maximum(-up, 1e-6), FARTHEST_M)
+    depth = np.minimum(float(eye.translation[2]) / np.maximum(-up, 1e-6), FARTHEST_M)
     return Ground(
         first,
         cover,
@@ -106,13 +106,11 @@ def _rays(camera: Camera, ego_from_camera: Array) -> tuple[FloatImage, FloatImag
     u, v = (_GRID_PX * (np.arange(count) - 0.5) - 0.5 for count in (columns, rows))
     grid = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
     rays = unproject(camera, grid, np.ones(len(grid))) @ ego_from_camera.T
-    whole = cv2.resize(
-        rays.reshape(rows, columns, 3).astype(np.float32),
-        (columns * _GRID_PX, rows * _GRID_PX),
-        interpolation=cv2.INTER_LINEAR,
+    size, inner = (columns * _GRID_PX, rows * _GRID_PX), (slice(_GRID_PX, None), slice(_GRID_PX, None))
+    x, y, z = (
+        np.asarray(cv2.resize(axis.reshape(rows, columns).astype(np.float32), size))[inner][:height, :width]
+        for axis in rays.T
     )
-    inner = whole[_GRID_PX : _GRID_PX + height, _GRID_PX : _GRID_PX + width]
-    x, y, z = (np.ascontiguousarray(inner[:, :, axis], dtype=np.float32) for axis in range(3))
     return x, y, z
 
 
@@ -148,13 +146,11 @@ def _relief(
     import cv2
 
     frame = world_from_ego(ego)
-    corner = np.mod(frame.translation[:2], _TILE * _TEXEL_M)
-    turn = frame.rotation[:2, :2]
-    x, y = eye.translation[0] + ahead * depth, eye.translation[1] + left * depth
-    column, row = (
-        ((corner[axis] + turn[axis, 0] * x + turn[axis, 1] * y) / _TEXEL_M).astype(np.float32)
-        for axis in (0, 1)
-    )
+    corner = frame.rotation[:2] @ eye.translation + np.mod(frame.translation[:2], _TILE * _TEXEL_M)
+    turn, (column_0, row_0) = frame.rotation[:2, :2] / _TEXEL_M, (corner / _TEXEL_M).tolist()
+    x, y = ahead * depth, left * depth
+    column = column_0 + float(turn[0, 0]) * x + float(turn[0, 1]) * y
+    row = row_0 + float(turn[1, 0]) * x + float(turn[1, 1]) * y
     tile = np.asarray(cv2.remap(unevenness(), column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP))
     covered_m = depth * depth / max(float(eye.translation[2]) * camera.fy_px, 1e-3)
     faded: FloatImage = 1.0 + config.texture * tile / (1.0 + (covered_m / _FADE_M) ** 2)

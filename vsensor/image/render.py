@@ -26,10 +26,11 @@ from vsensor.image.config import (
 )
 from vsensor.image.coverage import Edges, FloatImage, Patch, chained, coverage
 from vsensor.image.ground import Ground
+from vsensor.image.hills import Skyline, road_above_horizon, without_hidden_part
 from vsensor.image.shapes import Face, boxes_far_to_near, stripe_edges
 from vsensor.scene import world_from_ego
-from vsensor.transforms import Rigid, relative_to
-from vsensor.types import Colour, Environment, Obstacle, Snapshot, Tick
+from vsensor.transforms import Rigid, invert, relative_to
+from vsensor.types import Colour, Environment, Marking, Obstacle, Snapshot, Tick
 
 Image = NDArray[np.uint8]
 
@@ -49,12 +50,21 @@ def render(camera: Camera, config: ImageConfig, snapshot: Snapshot, draws: Draws
     if camera.config.model == "none":
         raise ConfigError('[camera] model = "none" has no image; with "pinhole" it has')
     ego, scene = snapshot.ego, snapshot.scene
-    pose, air = camera_from_ego(camera, ego), scene.environment
-    paints = _paints(camera, config, pose, snapshot)
-    top = min((patch.top for _, patch in paints if patch.values.size), default=camera.config.height_px)
+    pose, frame, air = camera_from_ego(camera, ego), world_from_ego(ego), scene.environment
+    eye_m = invert(pose).translation
+    markings = [marking for marking in scene.markings if len(marking.points_world_m)]
+    skylines = [Skyline(eye_m, pose.rotation[2], relative_to(frame, m.points_world_m)) for m in markings]
+    paints = _paints(camera, config, pose, air, list(zip(markings, skylines, strict=True)))
+    hill = road_above_horizon(camera, pose, skylines)
+    drawn = [patch for _, patch in paints if patch.values.size] + ([hill] if hill is not None else [])
+    top = min((patch.top for patch in drawn), default=camera.config.height_px)
     view = ground.look(camera, config, pose, ego, air, top)
+    if hill is not None:
+        here = hill._replace(top=hill.top - view.top)
+        np.maximum(here.of(view.cover), here.values, out=here.of(view.cover))
     planes = _background(camera, config, air, view, paints)
-    for box, faces in boxes_far_to_near(camera, pose, world_from_ego(ego), scene.obstacles):
+    boxes = [without_hidden_part(eye_m, frame, skylines, box) for box in scene.obstacles]
+    for box, faces in boxes_far_to_near(camera, pose, frame, [box for box in boxes if box is not None]):
         _draw_box(camera, config, air, planes, box, faces)
     return _exposed(config, air, planes, draws, tick)
 
@@ -68,18 +78,24 @@ def import_opencv(purpose: str) -> Any:
     return cv2
 
 
-def _paints(camera: Camera, config: ImageConfig, pose: Rigid, snapshot: Snapshot) -> list[_Paint]:
+def _paints(
+    camera: Camera,
+    config: ImageConfig,
+    pose: Rigid,
+    air: Environment,
+    lines: Sequence[tuple[Marking, Skyline]],
+) -> list[_Paint]:
     """Return for each colour of paint how much of every pixel it covers, times how much of it is left."""
     edges: dict[Colour, list[Edges]] = {}
-    frame, wet = world_from_ego(snapshot.ego), 1.0 - WET_PAINT * snapshot.scene.environment.rain
-    for marking in snapshot.scene.markings:
-        if not marking.painted.any():
+    for marking, skyline in lines:
+        painted = marking.painted & skyline.seen
+        if not painted.any():
             continue
-        points = relative_to(frame, marking.points_world_m)
-        left = ground.worn(config.wear, marking.points_world_m) * (marking.contrast * wet)
-        for colour in np.unique(marking.colour[marking.painted]).tolist():
-            opacity = np.where(marking.painted & (marking.colour == colour), left, 0.0)
-            found = stripe_edges(camera, pose, points, marking.width_m, opacity)
+        wet = marking.contrast * (1.0 - WET_PAINT * air.rain)
+        left = ground.worn(config.wear, marking.points_world_m) * wet
+        for colour in np.unique(marking.colour[painted]).tolist():
+            opacity = np.where(painted & (marking.colour == colour), left, 0.0)
+            found = stripe_edges(camera, pose, skyline.points_ego_m, marking.width_m, opacity)
             if found is not None:
                 edges.setdefault(Colour(colour), []).append(found)
     size = camera.config.width_px, camera.config.height_px
