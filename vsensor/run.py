@@ -3,11 +3,9 @@
 import contextlib
 import ctypes
 import gc
-import signal
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
 
 import msgspec
 
@@ -46,16 +44,18 @@ class RunOptions:
     progress: bool = False
 
 
-def run_scenario(scenario: Scenario, options: RunOptions, say: Say) -> Summary:
-    """Run a scenario to its end, to `stop`, or until SIGINT or SIGTERM; raises VsensorError subclasses."""
+def run_scenario(
+    scenario: Scenario, options: RunOptions, say: Say, stopped: Callable[[], bool] = lambda: False
+) -> Summary:
+    """Run a scenario to its end or until `stopped()`; raises VsensorError subclasses."""
     scenario = with_profile(scenario, options)
-    _require_places(scenario, options)
-    line = build_line(scenario)
-    period_ns = scenario.config.cycle_ms * 1_000_000
-    ticks = tick_count(scenario, line.source)
-    if ticks is None and options.fast:
-        raise ConfigError(f"{scenario.name}: the drive never ends; with --fast give --duration S")
     with contextlib.ExitStack() as stack:
+        _require_places(scenario, options)
+        line = build_line(scenario)
+        period_ns = scenario.config.cycle_ms * 1_000_000
+        ticks = tick_count(scenario, line.source)
+        if ticks is None and options.fast:
+            raise ConfigError(f"{scenario.name}: the drive never ends; with --fast give --duration S")
         bus = _bus(options, line)
         if bus is not None:
             stack.callback(bus.close)
@@ -71,7 +71,6 @@ def run_scenario(scenario: Scenario, options: RunOptions, say: Say) -> Summary:
                 say(bus.remark)
         for text in (*line.source.notes, *line.source.findings, *line.uneven(period_ns)):
             say(text)
-        stopped = stack.enter_context(_stop_signals())
         advance = stack.enter_context(_progress(options, ticks, period_ns))
         gc.collect()
         gc.freeze()  # what is loaded now stays: the collector need not look at it in the cycle
@@ -219,24 +218,9 @@ def _keep_memory() -> None:
         mallopt = ctypes.CDLL(None).mallopt
         for parameter, size in ((trim_threshold, 64 << 20), (mmap_threshold, 32 << 20), (top_pad, 16 << 20)):
             mallopt(parameter, size)
-
-
-@contextlib.contextmanager
-def _stop_signals() -> Iterator[Callable[[], bool]]:
-    """Turn SIGINT and SIGTERM into a question, so that no tick is cut in two; a second one ends at once."""
-    received: list[int] = []
-
-    def note(number: int, frame: FrameType | None) -> None:
-        if received:
-            raise KeyboardInterrupt
-        received.append(number)
-
-    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield lambda: bool(received)
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    # Touched once here, so that no tick waits for the kernel to hand out pages: in a user-mode kernel
+    # that takes some 10 us a page, and a new stretch of road needs hundreds.
+    bytearray(b"\x01") * (24 << 20)
 
 
 @contextlib.contextmanager
