@@ -7,7 +7,7 @@ from pathlib import Path
 
 PACKAGE = "vsensor"
 ORDER = """
-    types errors scenarios
+    types errors stop scenarios
     / transforms draws schema
     / scene raycast distortion motion
     / camera region error_model lanefit tracker quality

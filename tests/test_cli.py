@@ -586,6 +586,34 @@ def test_ctrl_c_ends_a_run_with_its_summary_and_a_readable_log(tmp_path, number)
     assert read_trace(trace)["tick"].max() == ticks - 1
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_that_a_library_swallowed_while_loading_still_ends_the_run(capsys, monkeypatch, number):
+    from vsensor import run as run_module
+
+    whole = run_module.build_line
+
+    def swallowing(scenario):
+        with contextlib.suppress(KeyboardInterrupt):
+            os.kill(os.getpid(), number)
+        return whole(scenario)
+
+    monkeypatch.setattr(run_module, "build_line", swallowing)
+    status, out, _ = vsensor(capsys, "run", "--bus", "virtual:loading", "--duration", 5)
+    assert status == 130
+    assert out.startswith("0 ticks")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_loading_ends_at_once(capsys, monkeypatch, number):
+    from vsensor import run as run_module
+
+    before = signal.getsignal(number)
+    monkeypatch.setattr(run_module, "build_line", lambda scenario: os.kill(os.getpid(), number))
+    status, out, _ = vsensor(capsys, "run", "--fast", "--duration", 5)
+    assert (status, out) == (130, "")
+    assert signal.getsignal(number) == before
+
+
 def test_a_scenario_without_obstacles_never_imports_embreex(tmp_path):
     own_map(tmp_path)
     path = scenario_file(tmp_path, 'source = "highway.xodr"\n')

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn, TypeAlias
 
 from vsensor.errors import VsensorError
+from vsensor.stop import stop_signals
 
 RUN_HELP = """\
 Run a scenario and send its lane frames on a fixed cycle.
@@ -91,6 +92,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run(arguments: argparse.Namespace) -> int:
     """`vsensor run`: a scenario in real time, or as quickly as it goes."""
+    with stop_signals() as stopped:  # from before numpy is imported, which may swallow a KeyboardInterrupt
+        return _run(arguments, stopped)
+
+
+def _run(arguments: argparse.Namespace, stopped: Callable[[], bool]) -> int:
     from vsensor.config import load_scenario
     from vsensor.run import RunOptions, run_scenario
 
@@ -114,7 +120,7 @@ def run(arguments: argparse.Namespace) -> int:
         table=sys.stdout.isatty() and not arguments.quiet,
         progress=sys.stderr.isatty() and arguments.fast and not arguments.quiet,
     )
-    summary = run_scenario(scenario, options, say=_note)
+    summary = run_scenario(scenario, options, say=_note, stopped=stopped)
     print(summary.text())
     return 130 if summary.interrupted else 0
 
