@@ -8,7 +8,7 @@ import pytest
 
 from tests import p1
 from tests.roads import box, ego, marking, snapshot, straight
-from vsensor import camera as camera_module
+from vsensor.camera import look as camera_module
 from vsensor.camera import (
     SIGMA_FLOOR_M,
     Camera,
@@ -319,7 +319,7 @@ def test_the_bypassed_camera_takes_the_painted_points_as_they_are():
     assert set(found.reason) == {Unseen.SEEN, Unseen.NO_PAINT}
 
 
-@pytest.mark.parametrize("broken", ["project", "unproject", "_hidden"])
+@pytest.mark.parametrize("broken", ["project", "back_to_road", "_hidden"])
 def test_the_bypassed_camera_never_projects(monkeypatch, broken):
     def refuse(*_):
         raise AssertionError("projected")

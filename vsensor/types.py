@@ -86,6 +86,8 @@ class Unseen(IntEnum):
     BEYOND_RANGE = 6  # beyond the operating range at this speed
     TOO_FEW_POINTS = 7
     LOST = 8  # dropped by the error model or a fault
+    BEYOND_SIGHT = 9  # deeper than the camera sees, or where its inverse finds no road
+    TOO_NARROW = 10  # paint of too few pixels across
 
 
 class Light(IntEnum):
