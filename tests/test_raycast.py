@@ -7,6 +7,7 @@ from tests import p1
 from tests.roads import box
 from vsensor import raycast
 from vsensor.raycast import Boxes, boxes_in, hidden
+from vsensor.raycast import boxes as boxes_module
 from vsensor.transforms import Rigid, rotation_from_rpy
 
 HERE = Rigid(np.eye(3), np.zeros(3))
@@ -111,13 +112,13 @@ def test_masks_in_several_pieces_give_the_same_answer(monkeypatch):
     boxes = boxes_in(HERE, random_obstacles(rng, 15))
     points = np.column_stack([rng.uniform(4, 100, 500), rng.uniform(-15, 15, 500), np.zeros(500)])
     at_once = hidden(EYE, points, boxes, "shadow")
-    monkeypatch.setattr(raycast, "_MASK_SIZE", 1200)
+    monkeypatch.setattr(boxes_module, "_MASK_SIZE", 1200)
     np.testing.assert_array_equal(hidden(EYE, points, boxes, "shadow"), at_once)
 
 
 def test_auto_takes_rays_only_where_many_boxes_are_in_view(monkeypatch):
     asked = []
-    monkeypatch.setattr(raycast, "_embree", lambda rays, solids: asked.append(len(solids.is_front)))
+    monkeypatch.setattr(boxes_module, "_faces", lambda rays, solids: asked.append(len(solids.is_front)))
     ahead = [box(20 + 0.3 * k, 0, size=(0.2, 0.2, 0.2)) for k in range(raycast.EMBREE_FROM_BOXES)]
     behind = [box(-20, 0)] * 10
     hidden(EYE, np.array([[90.0, -1, 0], [90, 1, 3], [10, -9, -1]]), boxes_in(HERE, ahead[:-1] + behind))

@@ -1,0 +1,5 @@
+"""Who is hidden from the camera: by boxes and meshes, moving or standing, and by the road itself."""
+
+from vsensor.raycast.boxes import EMBREE_FROM_BOXES, FAR_LIMIT, Boxes, Method, boxes_in, hidden
+
+__all__ = ["EMBREE_FROM_BOXES", "FAR_LIMIT", "Boxes", "Method", "boxes_in", "hidden"]
