@@ -9,6 +9,7 @@ import pytest
 
 from tests.lines import tick
 from vsensor.camera import Camera, CameraConfig, camera_from_ego, project
+from vsensor.distortion import DistortionConfig
 from vsensor.draws import Draws
 from vsensor.errors import ConfigError
 from vsensor.image import ImageConfig, render
@@ -370,6 +371,39 @@ def test_world_coordinates_of_five_million_metres_give_the_same_image():
         ),
     )
     assert abs(taken(shot).astype(int) - taken(moved)).max() <= 1
+
+
+def test_where_the_vehicle_is_not_known_the_road_is_empty():
+    lost = snapshot(straight(1.8), boxes=[box(20.0)], yaw_rad=np.nan)
+    assert np.array_equal(taken(lost), taken(snapshot()))
+
+
+def test_a_lens_bends_the_stripe_as_project_says():
+    """Barrel distortion: the rendered stripe's middle in a row is where the exact curve crosses that row."""
+    camera = Camera.from_config(
+        CameraConfig(
+            width_px=640, height_px=400, hfov_deg=80.0, distortion=DistortionConfig(k1=-0.25, k2=0.05)
+        )
+    )
+    painted = paint_in(snapshot(straight(2.4)), CLEAN, camera)
+    x = np.linspace(3.5, 60.0, 5000)
+    left, right = (pixels_of(np.column_stack([x, 0.0 * x + y, 0.0 * x]), camera) for y in (2.475, 2.325))
+    for row in range(230, 360, 10):
+        exact = np.mean([np.interp(row, edge[::-1, 1], edge[::-1, 0]) for edge in (left, right)])
+        rendered = (painted[row] @ np.arange(640)) / painted[row].sum()
+        assert rendered == pytest.approx(exact, abs=0.06)
+    straight_lens = Camera.from_config(CameraConfig(width_px=640, height_px=400, hfov_deg=80.0))
+    assert abs(pixels_of([[4.0, 2.4, 0.0]], straight_lens) - pixels_of([[4.0, 2.4, 0.0]], camera)).max() > 5.0
+
+
+def test_where_a_lens_shows_nothing_it_is_dark():
+    camera = Camera.from_config(
+        CameraConfig(width_px=320, height_px=200, hfov_deg=110.0, distortion=DistortionConfig(k1=-0.3))
+    )
+    image = taken(snapshot(straight(0.0)), CLEAN, camera)
+    assert image[0, 0] == image[-1, -1] == 0
+    assert image[100, 160] > 0
+    assert image[60, 160] > 0
 
 
 def test_a_camera_that_is_bypassed_has_no_image():

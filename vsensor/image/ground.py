@@ -23,13 +23,13 @@ from vsensor.image.config import (
 from vsensor.image.coverage import FloatImage
 from vsensor.scene import world_from_ego
 from vsensor.transforms import Rigid, invert
-from vsensor.types import Array, EgoState, Environment, Light
+from vsensor.types import Array, BoolArray, EgoState, Environment, Light
 
 FARTHEST_M = 200.0
 """The plane is treated as no farther away than this; a road that climbs above its horizon is nearer."""
 
 _GRID_PX = (
-    16  # rays are computed at so many pixels and are linear between, within 1e-3 px even for wide lenses
+    16  # rays are computed at so many pixels, linear between: within 0.1 px with a wide lens, else exact
 )
 _TEXEL_M = 0.06
 _TILE = 256
@@ -40,7 +40,8 @@ class Ground(NamedTuple):
     """The rows from `top` on, each (H - top, W); None stands for 1 in every pixel.
 
     `cover` is the part of the pixel below the horizon; `relief` the road's unevenness; `on_road` and
-    `on_paint` the light; `clear` the part of the contrast that rain leaves.
+    `on_paint` the light; `clear` the part of the contrast that rain leaves. `blind` (H, W) is where the
+    lens shows nothing, to within 16 px; None is nowhere.
     """
 
     top: int
@@ -49,6 +50,7 @@ class Ground(NamedTuple):
     on_road: FloatImage | None
     on_paint: FloatImage | None
     clear: FloatImage | None
+    blind: BoolArray | None
 
 
 def look(
@@ -56,7 +58,7 @@ def look(
 ) -> Ground:
     """Return the plane as the camera sees it; `pose` is camera_from_ego, the rows begin at `top` or above."""
     eye = invert(pose)
-    ahead, left, up = _rays(camera, eye.rotation)
+    ahead, left, up, blind = _rays(camera, eye.rotation)
     below = (up < 0.0).any(axis=1)
     first = min(top, int(below.argmax()) - 1 if below.any() else camera.config.height_px)
     first = max(first, 0)
@@ -70,6 +72,7 @@ def look(
         _relief(config, ego, eye, depth, ahead, left, camera) if config.texture else None,
         *_light(air, depth, left),
         np.exp(depth * -rain_extinction_per_m(air)) if air.rain else None,
+        blind,
     )
 
 
@@ -97,8 +100,10 @@ def worn(wear: float, points_world_m: Array) -> Array:
     return left.clip(0.0, 1.0)
 
 
-def _rays(camera: Camera, ego_from_camera: Array) -> tuple[FloatImage, FloatImage, FloatImage]:
-    """Return x, y, z (H, W) in the ego frame of each pixel's ray, of depth 1 in the camera."""
+def _rays(
+    camera: Camera, ego_from_camera: Array
+) -> tuple[FloatImage, FloatImage, FloatImage, BoolArray | None]:
+    """Return x, y, z (H, W) in the ego frame of each pixel's ray, of depth 1 in the camera; and the blind."""
     import cv2
 
     width, height = camera.config.width_px, camera.config.height_px
@@ -107,11 +112,13 @@ def _rays(camera: Camera, ego_from_camera: Array) -> tuple[FloatImage, FloatImag
     grid = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
     rays = unproject(camera, grid, np.ones(len(grid))) @ ego_from_camera.T
     size, inner = (columns * _GRID_PX, rows * _GRID_PX), (slice(_GRID_PX, None), slice(_GRID_PX, None))
-    x, y, z = (
+    is_blind = np.isnan(rays).any(axis=1)
+    rays[is_blind] = 0.0
+    x, y, z, dark = (
         np.asarray(cv2.resize(axis.reshape(rows, columns).astype(np.float32), size))[inner][:height, :width]
-        for axis in rays.T
+        for axis in (*rays.T, is_blind)
     )
-    return x, y, z
+    return x, y, z, dark > 0.0 if is_blind.any() else None
 
 
 def _slope_per_px(up: FloatImage) -> float:

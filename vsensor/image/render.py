@@ -1,6 +1,7 @@
 """The image of a snapshot: road and sky, paint, vehicles from far to near, then lens and sensor."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -30,7 +31,7 @@ from vsensor.image.hills import Skyline, road_above_horizon, without_hidden_part
 from vsensor.image.shapes import Face, boxes_far_to_near, stripe_edges
 from vsensor.scene import world_from_ego
 from vsensor.transforms import Rigid, invert, relative_to
-from vsensor.types import Colour, Environment, Marking, Obstacle, Snapshot, Tick
+from vsensor.types import Colour, EgoState, Environment, Marking, Obstacle, Scene, Snapshot, Tick
 
 Image = NDArray[np.uint8]
 
@@ -44,11 +45,15 @@ def render(camera: Camera, config: ImageConfig, snapshot: Snapshot, draws: Draws
     """Return what the camera sees, (H, W) grey or (H, W, 3) RGB; pixel centres are those of `project`.
 
     Edges lie where `project` says to a hundredth of a pixel. Raises MissingExtraError without OpenCV,
-    ConfigError for a camera of model "none".
+    ConfigError for a camera of model "none". Where the vehicle is not known the road is empty.
     """
     import_opencv("an image")
     if camera.config.model == "none":
         raise ConfigError('[camera] model = "none" has no image; with "pinhole" it has')
+    if not _is_known(snapshot.ego):
+        standing = EgoState(t_ns=snapshot.t_ns, position_world_m=np.zeros(3), speed_mps=0.0)
+        empty = Scene(markings=(), environment=snapshot.scene.environment)
+        snapshot = replace(snapshot, ego=standing, scene=empty)
     ego, scene = snapshot.ego, snapshot.scene
     pose, frame, air = camera_from_ego(camera, ego), world_from_ego(ego), scene.environment
     eye_m = invert(pose).translation
@@ -66,6 +71,9 @@ def render(camera: Camera, config: ImageConfig, snapshot: Snapshot, draws: Draws
     boxes = [without_hidden_part(eye_m, frame, skylines, box) for box in scene.obstacles]
     for box, faces in boxes_far_to_near(camera, pose, frame, [box for box in boxes if box is not None]):
         _draw_box(camera, config, air, planes, box, faces)
+    if view.blind is not None:
+        for plane in planes:
+            plane[view.blind] = 0.0
     return _exposed(config, air, planes, draws, tick)
 
 
@@ -76,6 +84,11 @@ def import_opencv(purpose: str) -> Any:
     except ImportError:
         raise MissingExtraError("OpenCV", "video", purpose) from None
     return cv2
+
+
+def _is_known(ego: EgoState) -> bool:
+    angles = (ego.roll_rad, ego.pitch_rad, ego.yaw_rad, ego.body_roll_rad, ego.body_pitch_rad)
+    return bool(np.isfinite([*ego.position_world_m, *angles, ego.body_heave_m]).all())
 
 
 def _paints(
