@@ -169,11 +169,24 @@ class Marking:
     contrast: float = 1.0
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Mesh:
+    """A shape of triangles: `vertices_m` (V, 3), `faces` (F, 3) places in them, either winding.
+
+    In the frame of the obstacle that wears it, origin at its box's centre. `raycast.mesh_of` checks
+    one; what is compiled of it is found again by identity, so share one Mesh among its likes.
+    """
+
+    vertices_m: Array
+    faces: IntArray
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Obstacle:
-    """A box that hides what lies behind it, never the ego vehicle itself.
+    """A solid that hides what lies behind it, never the ego vehicle itself: a box, or the mesh in it.
 
-    `centre_world_m` (3,) of the box, `size_m` (length, width, height), angles as for EgoState.
+    `centre_world_m` (3,) of the box, `size_m` (length, width, height), angles as for EgoState. One
+    that is not moving stays the same object from tick to tick.
     """
 
     id: int
@@ -182,6 +195,19 @@ class Obstacle:
     roll_rad: float = 0.0
     pitch_rad: float = 0.0
     yaw_rad: float = 0.0
+    mesh: Mesh | None = None
+    is_moving: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoadSurface:
+    """The road itself where it may hide what lies behind a crest: cross-sections in driving order.
+
+    `points_world_m` (M, L, 3): L points of section m from one side of the road to the other, straight
+    between them; NaN where the road is narrower.
+    """
+
+    points_world_m: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -194,11 +220,15 @@ class Environment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
-    """The road near the pose: markings and obstacles, in world coordinates."""
+    """The road near the pose: markings and obstacles, in world coordinates.
+
+    `surface` is None where the road is too flat to hide anything of itself.
+    """
 
     markings: tuple[Marking, ...]
     obstacles: tuple[Obstacle, ...] = ()
     environment: Environment = Environment()
+    surface: RoadSurface | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,5 +1,16 @@
 """Who is hidden from the camera: by boxes and meshes, moving or standing, and by the road itself."""
 
 from vsensor.raycast.boxes import EMBREE_FROM_BOXES, FAR_LIMIT, Boxes, Method, boxes_in, hidden
+from vsensor.raycast.meshes import mesh_of
+from vsensor.raycast.obstacles import hidden_by_obstacles
 
-__all__ = ["EMBREE_FROM_BOXES", "FAR_LIMIT", "Boxes", "Method", "boxes_in", "hidden"]
+__all__ = [
+    "EMBREE_FROM_BOXES",
+    "FAR_LIMIT",
+    "Boxes",
+    "Method",
+    "boxes_in",
+    "hidden",
+    "hidden_by_obstacles",
+    "mesh_of",
+]

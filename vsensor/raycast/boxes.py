@@ -174,6 +174,13 @@ def hidden_within(origin_m: Array, points_m: Array, boxes: Boxes, judge: Judge) 
     return ~free
 
 
+def box_triangles(boxes: Boxes) -> Array:
+    """Return the boxes' faces as triangles (12 M, 3, 3) in their common frame."""
+    corners = (boxes.half_m[:, None] * _CORNERS) @ boxes.rotation.transpose(0, 2, 1) + boxes.centre_m[:, None]
+    triangles: Array = corners[:, _FACES][:, :, _HALVES].reshape(-1, 3, 3)
+    return triangles
+
+
 def _rotations(cosines: Array, sines: Array) -> Array:
     """Return Rz(yaw) Ry(pitch) Rx(roll) for rows (roll, pitch, yaw) of (3, M), as (M, 3, 3)."""
     (cr, cp, cy), (sr, sp, sy) = cosines, sines
