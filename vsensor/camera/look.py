@@ -23,6 +23,9 @@ from vsensor.types import (
     Unseen,
 )
 
+ROW_M = 1e-9
+"""Points of the flat road whose x differ by no more belong to one row of pixels."""
+
 _METHODS: dict[str, raycast.Method] = {"auto": "auto", "boxes": "shadow", "embree": "embree"}
 
 
@@ -38,7 +41,7 @@ def observe(camera: Camera, scene_config: scene.SceneConfig, snapshot: Snapshot)
         codes, points, sigma = _look(camera, scene_config, snapshot, candidates, seen, points)
         reason[seen] = codes
         seen = seen[codes == Unseen.SEEN]
-    lines, sigma = _lines(candidates, seen, points, sigma)
+    lines, sigma = _lines(candidates, seen, points, sigma, camera.assumed_from_ego is not None)
     kind, colour, width_m = _nearest_paint(snapshot.scene, lines, candidates)
     for array in (reason, sigma, kind, colour, width_m):
         array.flags.writeable = False
@@ -112,19 +115,22 @@ def _hidden(
 
 
 def _lines(
-    candidates: LinePoints, seen: IntArray, points: Array, sigma_y_m: Array
+    candidates: LinePoints, seen: IntArray, points: Array, sigma_y_m: Array, by_rows: bool
 ) -> tuple[LinePoints, Array]:
     """Return the seen points (3, M) as lines with x increasing along each, and their deviations.
 
-    The grid of a pitched or turned camera moves points along x too; on a coarse one they can swap. All
-    that a row of pixels shows of the flat road lies at one x: the middle one of such points stays.
+    The grid of a pitched or turned camera moves points along x too; on a coarse one they can swap. With
+    the flat road, all that a row of pixels shows lies at one x: `by_rows`, the middle one of them stays.
     """
     starts = seen.searchsorted(candidates.starts)
     index = candidates.index[seen]
     line = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
-    if ((points[0, 1:] <= points[0, :-1]) & (line[1:] == line[:-1])).any():
-        order = _middles(np.lexsort((points[0], line)), points[0], line)
-        starts = line[order].searchsorted(np.arange(len(starts)))
+    least_m = ROW_M if by_rows else 0.0
+    if ((points[0, 1:] - points[0, :-1] <= least_m) & (line[1:] == line[:-1])).any():
+        order = np.lexsort((points[0], line))
+        if by_rows:
+            order = _middles(order, points[0], line)
+            starts = line[order].searchsorted(np.arange(len(starts)))
         index, points, sigma_y_m = index[order], points[:, order], sigma_y_m[order]
     for array in (starts, index, points):
         array.flags.writeable = False
@@ -137,7 +143,7 @@ def _middles(order: IntArray, x_m: Array, line: IntArray) -> IntArray:
     """Return `order`, by line and x, with the middle one only of points of a line at the same x."""
     x_m, line = x_m[order], line[order]
     is_first = np.ones(len(order), dtype=bool)
-    is_first[1:] = (x_m[1:] != x_m[:-1]) | (line[1:] != line[:-1])
+    is_first[1:] = (x_m[1:] - x_m[:-1] > ROW_M) | (line[1:] != line[:-1])
     firsts = is_first.nonzero()[0]
     counts = np.diff(firsts, append=len(order))
     return np.asarray(order[firsts + (counts - 1) // 2])

@@ -62,12 +62,17 @@ def _image_of(camera: Camera, points: Array, vectors: Array) -> tuple[Array, Arr
 
 
 def _directions(candidates: LinePoints) -> Array:
-    """Return the direction (3, N) of each line at its points, from neighbour to neighbour, not normalised."""
+    """Return the direction (3, N) of each line at its points, from neighbour to neighbour, not normalised.
+
+    A point that is alone has the vehicle's.
+    """
     points, starts = candidates.points_ego_m.T, candidates.starts
     place = np.arange(points.shape[1])
     line = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
     before, after = np.maximum(place - 1, starts[line]), np.minimum(place + 1, starts[line + 1] - 1)
-    return np.asarray(points[:, after] - points[:, before])
+    directions = points[:, after] - points[:, before]
+    directions[0, before == after] = 1.0
+    return np.asarray(directions)
 
 
 def _widths_m(surroundings: Scene, candidates: LinePoints) -> Array:
