@@ -16,6 +16,7 @@ from vsensor.image import ImageConfig, render
 from vsensor.image.coverage import chained, coverage, outline
 from vsensor.image.ground import worn
 from vsensor.image.hills import Skyline
+from vsensor.raycast import mesh_of
 from vsensor.transforms import transform
 from vsensor.types import (
     Colour,
@@ -240,6 +241,41 @@ def test_the_nearer_of_two_boxes_is_in_front():
     ((u, v),) = pixels_of([[13.0, 0.0, 0.75]])
     for boxes in ([near, far], [far, near]):
         assert taken(snapshot(boxes=boxes))[int(v), int(u)] == alone[int(v), int(u)]
+
+
+CUBE_FACES = np.array([[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]])
+
+
+def as_mesh(vehicle):
+    """Return the same box as twelve triangles."""
+    signs = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+    return replace(
+        vehicle,
+        mesh=mesh_of(signs * np.array(vehicle.size_m), CUBE_FACES[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)),
+    )
+
+
+@pytest.mark.parametrize(("light", "rain"), [(Light.DAY, 0.0), (Light.NIGHT, 0.6)])
+def test_a_box_looks_the_same_as_a_mesh(light, rain):
+    """But for the edges, a row of pixels around and between the faces, at four times the resolution."""
+    boxes = [
+        box(12.0, 2.4, number=0),
+        replace(box(25.0, -2.0, number=4), yaw_rad=0.4),
+        box(60.0, 0.0, number=2),
+    ]
+    exact = taken(snapshot(boxes=boxes, light=light, rain=rain)).astype(int)
+    drawn = taken(snapshot(boxes=[as_mesh(b) for b in boxes], light=light, rain=rain)).astype(int)
+    difference = abs(exact - drawn)
+    bodies = np.count_nonzero(exact != taken(snapshot(light=light, rain=rain)))
+    assert np.count_nonzero(difference > 3) < 0.06 * bodies
+    assert difference.max() < 0.4 * (exact.max() - exact.min())
+
+
+def test_a_mesh_that_leaves_the_image_or_the_front_of_the_camera_is_drawn_as_far_as_it_is_there():
+    beside = taken(snapshot(boxes=[as_mesh(box(6.0, 3.0, number=4))]))
+    assert np.count_nonzero(beside[:, :20] != taken(snapshot())[:, :20]) > 100
+    behind = taken(snapshot(boxes=[as_mesh(box(-10.0)), as_mesh(box(10.0, 60.0))]))
+    assert np.array_equal(behind, taken(snapshot()))
 
 
 def test_a_mirrored_scene_gives_the_mirrored_image():

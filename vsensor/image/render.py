@@ -13,7 +13,6 @@ from vsensor.draws import Draws, Stage
 from vsensor.errors import ConfigError, MissingExtraError
 from vsensor.image import ground
 from vsensor.image.config import (
-    BODY_RGB,
     LIGHTING,
     PAINT_RGB,
     RAIN_VEIL,
@@ -22,21 +21,18 @@ from vsensor.image.config import (
     WET_PAINT,
     ImageConfig,
     levels,
-    rain_extinction_per_m,
     veil_level,
 )
 from vsensor.image.coverage import Edges, FloatImage, Patch, chained, coverage
 from vsensor.image.ground import Ground
 from vsensor.image.hills import Skyline, road_above_horizon, without_hidden_part
-from vsensor.image.shapes import Face, boxes_far_to_near, stripe_edges
+from vsensor.image.shapes import stripe_edges
+from vsensor.image.solids import draw_solids
 from vsensor.scene import world_from_ego
 from vsensor.transforms import Rigid, invert, relative_to
-from vsensor.types import Colour, EgoState, Environment, Marking, Obstacle, Scene, Snapshot, Tick
+from vsensor.types import Colour, EgoState, Environment, Marking, Scene, Snapshot, Tick
 
 Image = NDArray[np.uint8]
-
-_SUN_EGO = np.array([-0.6, 0.0, 0.8])
-_SHADE = 0.55  # of a face that the sun does not reach
 
 _Paint = tuple[Colour, Patch]
 
@@ -69,8 +65,7 @@ def render(camera: Camera, config: ImageConfig, snapshot: Snapshot, draws: Draws
         np.maximum(here.of(view.cover), here.values, out=here.of(view.cover))
     planes = _background(camera, config, air, view, paints)
     boxes = [without_hidden_part(eye_m, frame, skylines, box) for box in scene.obstacles]
-    for box, faces in boxes_far_to_near(camera, pose, frame, [box for box in boxes if box is not None]):
-        _draw_box(camera, config, air, planes, box, faces)
+    draw_solids(camera, config, air, planes, (pose, frame), [box for box in boxes if box is not None])
     if view.blind is not None:
         for plane in planes:
             plane[view.blind] = 0.0
@@ -149,47 +144,6 @@ def _draw_paint(part: FloatImage, view: Ground, level: float, patch: Patch) -> N
     here = moved.of(part)
     light = 1.0 if view.on_paint is None else moved.of(view.on_paint)
     here += patch.values * (np.float32(level) * light - here)
-
-
-def _draw_box(
-    camera: Camera,
-    config: ImageConfig,
-    air: Environment,
-    planes: Sequence[FloatImage],
-    box: Obstacle,
-    faces: Sequence[Face],
-) -> None:
-    """Draw the faces of a box at once: side by side, they leave no seam."""
-    body = levels(config, BODY_RGB[box.id % len(BODY_RGB)])
-    size = camera.config.width_px, camera.config.height_px
-    covers = [(face, coverage(face.edges, *size)) for face in faces]
-    drawn = [(face, cover) for face, cover in covers if cover.values.size]
-    if not drawn:
-        return
-    top, left = min(cover.top for _, cover in drawn), min(cover.left for _, cover in drawn)
-    bottom = max(cover.top + cover.values.shape[0] for _, cover in drawn)
-    right = max(cover.left + cover.values.shape[1] for _, cover in drawn)
-    whole = np.zeros((bottom - top, right - left), dtype=np.float32)
-    lit = np.zeros_like(whole)
-    veil = np.zeros_like(whole)
-    for face, cover in drawn:
-        clear = float(np.exp(-rain_extinction_per_m(air) * face.depth_m))
-        moved = cover._replace(top=cover.top - top, left=cover.left - left)
-        moved.of(whole)[...] += np.abs(cover.values)
-        moved.of(lit)[...] += np.abs(cover.values) * (_face_light(air, face) * clear)
-        moved.of(veil)[...] += np.abs(cover.values) * (veil_level(air) * (1.0 - clear))
-    np.clip(whole, 0.0, 1.0, out=whole)
-    for channel, plane in enumerate(planes):
-        here = plane[top:bottom, left:right]
-        here *= 1.0 - whole
-        here += np.float32(body[channel]) * lit + veil
-
-
-def _face_light(air: Environment, face: Face) -> float:
-    lighting = LIGHTING[air.light]
-    sun = _SHADE + (1.0 - _SHADE) * max(float(face.normal_ego @ _SUN_EGO), 0.0)
-    beam = lighting.headlights * float(ground.headlight(face.depth_m, 0.0))
-    return lighting.ambient * sun + beam * max(-float(face.normal_ego[0]), 0.1)
 
 
 def _exposed(

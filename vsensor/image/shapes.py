@@ -1,14 +1,13 @@
 """Where stripes and boxes are in the image: edges of polygons in pixels, by `camera.project` alone."""
 
-from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from vsensor.camera import Camera, project
 from vsensor.image.coverage import Edges, between, chained, outline
-from vsensor.transforms import Rigid, compose, invert, rotation_from_rpy, transform
-from vsensor.types import Array, BoolArray, Obstacle
+from vsensor.transforms import Rigid, compose, transform
+from vsensor.types import Array, BoolArray
 
 NEAR_M = 0.3
 """What is less deep is cut off: the projection runs away towards the camera."""
@@ -103,24 +102,12 @@ def _strip(left: Array, right: Array, weight: Array) -> Edges | None:
     )
 
 
-def boxes_far_to_near(
-    camera: Camera, pose: Rigid, world_from_ego: Rigid, boxes: Sequence[Obstacle]
-) -> Iterator[tuple[Obstacle, list[Face]]]:
-    """Yield each box with the faces that are turned to the camera, the farthest box first."""
-    ego_from_world = invert(world_from_ego)
-    placed = []
-    for box in boxes:
-        offset = box.centre_world_m - world_from_ego.translation
-        centre = world_from_ego.rotation.T @ offset
-        turn = ego_from_world.rotation @ rotation_from_rpy(box.roll_rad, box.pitch_rad, box.yaw_rad)
-        placed.append((float(transform(pose, centre[None])[0] @ [0.0, 0.0, 1.0]), box, Rigid(turn, centre)))
-    for _, box, ego_from_box in sorted(placed, key=lambda item: -item[0]):
-        yield box, _faces(camera, pose, ego_from_box, box)
-
-
-def _faces(camera: Camera, pose: Rigid, ego_from_box: Rigid, box: Obstacle) -> list[Face]:
+def box_faces(
+    camera: Camera, pose: Rigid, ego_from_box: Rigid, size_m: tuple[float, float, float]
+) -> list[Face]:
+    """Return the faces of a box that are turned to the camera; `pose` is camera_from_ego."""
     camera_from_box = compose(pose, ego_from_box)
-    corners = transform(camera_from_box, _CORNERS * np.abs(np.array(box.size_m)))
+    corners = transform(camera_from_box, _CORNERS * np.abs(np.array(size_m)))
     found = []
     for places, normal in _FACES:
         face = corners[list(places)]
