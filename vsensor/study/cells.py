@@ -95,21 +95,26 @@ def _answers(
 
 @contextlib.contextmanager
 def _interruption() -> Iterator[list[bool]]:
-    """Note Ctrl-C, and SIGTERM like it, as an entry in the list instead of an exception."""
+    """Note Ctrl-C, and SIGTERM like it, as an entry in the list instead of an exception.
+
+    SIGINT is set anew too: polars, which asammdf imports, puts its handler before Python's with
+    SA_RESTART, and then waiting for a lock, as we do for results, does not end on Ctrl-C.
+    """
     interrupted: list[bool] = []
 
     def stop(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
 
     is_main = threading.current_thread() is threading.main_thread()  # others get no signals
-    before = signal.signal(signal.SIGTERM, stop) if is_main else None
+    numbers = (signal.SIGINT, signal.SIGTERM) if is_main else ()
+    before = {number: signal.signal(number, stop) for number in numbers}
     try:
         yield interrupted
     except KeyboardInterrupt:
         interrupted.append(True)
     finally:
-        if is_main:
-            signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 @contextlib.contextmanager

@@ -79,8 +79,8 @@ def on_processes(
 ) -> Iterator[Answer]:
     """Yield the answers of the cells as they finish in local processes.
 
-    If a process dies (killed, out of memory), the cells that were under way are run again, each in a
-    process of its own; one that brings it down again has failed.
+    If a process dies (killed, out of memory), the cells that were under way are run again, one after
+    the other; one that brings its process down again has failed.
     """
     count = min(workers or len(os.sched_getaffinity(0)), len(todo))
     attempt = Attempt(function, store.folder)
@@ -91,17 +91,23 @@ def on_processes(
             for answer in answers:
                 del left[answer.key]
                 yield answer
-        for key in sorted(under_way):
-            yield from _alone(attempt, key, left.pop(key))
+        yield from _one_by_one(attempt, {key: left.pop(key) for key in sorted(under_way)})
 
 
-def _alone(attempt: Attempt, key: str, cell: Cell) -> Iterator[Answer]:
-    answers = list(_until_broken(attempt, {key: cell}, 1, set()))
-    yield from answers or [Answer(key=key, error="its process died twice (killed, or out of memory)")]
+def _one_by_one(attempt: Attempt, suspects: dict[str, Cell]) -> Generator[Answer]:
+    while suspects:
+        under_way: set[str] = set()
+        with contextlib.closing(_until_broken(attempt, suspects, 1, under_way, ahead=1)) as answers:
+            for answer in answers:
+                del suspects[answer.key]
+                yield answer
+        for key in under_way:  # one at most
+            del suspects[key]
+            yield Answer(key=key, error="its process died twice (killed, or out of memory)")
 
 
 def _until_broken(
-    attempt: Attempt, todo: Mapping[str, Cell], count: int, under_way: set[str]
+    attempt: Attempt, todo: Mapping[str, Cell], count: int, under_way: set[str], ahead: int = AHEAD
 ) -> Generator[Answer]:
     """Yield answers until all are there or a process died; then `under_way` has the keys handed over."""
     waiting = iter(list(todo.items()))
@@ -110,7 +116,7 @@ def _until_broken(
         try:
             while True:
                 with _interrupts_held():
-                    for key, cell in islice(waiting, AHEAD * count - len(futures)):
+                    for key, cell in islice(waiting, ahead * count - len(futures)):
                         futures[pool.submit(attempt, key, cell)] = key
                 if not futures:
                     return
@@ -215,7 +221,7 @@ def _client(address: str) -> tuple[Any, Any]:
         raise MissingExtraError("distributed", "cluster", "--scheduler") from None
     try:
         make: Any = Client  # its constructor has no types
-        return make(address, timeout=CONNECT_S, set_as_default=False), as_completed
+        return make(address, timeout=CONNECT_S), as_completed
     except (OSError, ValueError, TypeError) as error:
         reason = " ".join(str(error).split())
         raise ConfigError(
