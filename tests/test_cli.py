@@ -626,18 +626,38 @@ def test_a_scenario_without_obstacles_never_imports_embreex(tmp_path):
 
 
 def test_a_scenario_with_the_camera_bypassed_never_projects(capsys, tmp_path, monkeypatch):
-    from vsensor import camera
+    from vsensor.camera import look
 
     def refuse(*_):
         raise AssertionError("projected")
 
-    monkeypatch.setattr(camera, "project", refuse)
-    monkeypatch.setattr(camera, "unproject", refuse)
+    monkeypatch.setattr(look, "project", refuse)
+    monkeypatch.setattr(look, "back_to_road", refuse)
     own_map(tmp_path)
     bypassed = scenario_file(tmp_path, 'source = "highway.xodr"\n[camera]\nmodel = "none"\n')
     assert vsensor(capsys, "run", bypassed, "--fast", "--duration", 1)[0] == 0
     with pytest.raises(AssertionError, match="projected"):
         main(["run", str(scenario_file(tmp_path, 'source = "highway.xodr"\n')), "--fast", "--duration", "1"])
+
+
+OPTICS = """source = "highway.xodr"
+[camera]
+max_range_m = 80
+min_width_px = 2.5
+inverse = "ground_plane"
+distortion.k1 = -0.3
+"""
+
+
+def test_check_names_the_camera_models_that_are_on(capsys, tmp_path):
+    own_map(tmp_path)
+    plain, full = (
+        vsensor(capsys, "check", scenario_file(tmp_path, text))[1]
+        for text in ('source = "highway.xodr"\n', OPTICS)
+    )
+    for words in ("lens k1 -0.3 to 47 deg off axis", "sight 80 m", "paint from 2.5 px", "ground plane"):
+        assert words in full
+        assert words[:5] not in plain.partition("camera ")[2].partition("\n")[0]
 
 
 def test_output_into_a_closed_pipe_ends_quietly(tmp_path):

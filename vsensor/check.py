@@ -2,13 +2,14 @@
 
 import time
 from dataclasses import dataclass
-from math import inf
+from math import atan, degrees, inf
 from pathlib import Path
 from statistics import median
 
 import numpy as np
 
 from vsensor import motion
+from vsensor.camera import Camera
 from vsensor.clock import SimulatedClock
 from vsensor.codec import Database, audit, load_database
 from vsensor.config import SHIPPED, Scenario, load_scenario
@@ -165,15 +166,33 @@ def _motion_lines(line: Line, config: MotionConfig, period_ns: int) -> list[str]
     return [f"    of it motion {median(times_ms):7.3f} ms  {springs}, vibration {vibration}"]
 
 
+def _optics(camera: Camera) -> str:
+    """Say which models of the camera are on."""
+    config, lens = camera.config, camera.distortion
+    if config.model == "none":
+        return "bypassed"
+    words: list[str] = [config.model]
+    words.append(f"{config.width_px} x {config.height_px} px" if config.pixel_grid else "no pixel grid")
+    if lens is not None:
+        values = ((name, getattr(lens, name)) for name in ("k1", "k2", "k3", "p1", "p2"))
+        words.append("lens " + " ".join(f"{name} {value:g}" for name, value in values if value))
+        if lens.radius < inf:
+            words[-1] += f" to {degrees(atan(lens.radius)):.0f} deg off axis"
+    if config.max_range_m is not None:
+        words.append(f"sight {config.max_range_m:g} m")
+    if config.min_width_px:
+        words.append(f"paint from {config.min_width_px:g} px")
+    if camera.assumed_from_ego is not None:
+        words.append("ground plane")
+    return ", ".join([*words, f"occlusion {config.occlusion}"])
+
+
 def _model_lines(scenario: Scenario, line: Line) -> list[str]:
     """Say which models are on, and measure what they cost over the first ticks."""
     config = scenario.config
-    camera = config.camera
-    grid = f"{camera.width_px} x {camera.height_px} px" if camera.pixel_grid else "no pixel grid"
-    optics = f"{camera.model}, {grid}, occlusion {camera.occlusion}"
     models = {
         "world": f"{len(config.traffic)} vehicles" if config.traffic else "no traffic",
-        "camera": "bypassed" if camera.model == "none" else optics,
+        "camera": _optics(line.sensor.camera),
         "region+error": f"range by speed {'on' if config.region.enabled else 'off'}, "
         f"errors {config.error_model.mode}",
         "fit+track": f"order {config.fit.order}, {config.fit.weighting} weights",
