@@ -268,7 +268,7 @@ def test_a_box_looks_the_same_as_a_mesh(light, rain):
     difference = abs(exact - drawn)
     bodies = np.count_nonzero(exact != taken(snapshot(light=light, rain=rain)))
     assert np.count_nonzero(difference > 3) < 0.06 * bodies
-    assert difference.max() < 0.4 * (exact.max() - exact.min())
+    assert difference.max() < 0.5 * (exact.max() - exact.min())  # at a corner, a quarter of a pixel twice
 
 
 def test_a_mesh_that_leaves_the_image_or_the_front_of_the_camera_is_drawn_as_far_as_it_is_there():
