@@ -39,7 +39,7 @@ lint: .venv/lint
 	.venv/bin/mypy --strict vsensor
 
 bench: .venv/test
-	.venv/bin/python tools/bench.py
+	.venv/bin/python -m tools.bench
 
 clean:
 	rm -rf .venv build dist out .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,0 +1,72 @@
+"""The bench's own claims: its scene is as described, its peers see what we see, its parts run."""
+
+import json
+
+import numpy as np
+import pytest
+
+from tools.bench import reference
+from tools.bench.__main__ import main
+from tools.bench.scene import boxes_in_view, reference_line, ticks_at
+from vsensor.error_model import ErrorModelConfig
+from vsensor.sensor import SensorConfig
+from vsensor.types import Unseen
+
+
+@pytest.fixture(scope="module")
+def looks():
+    """Outputs of the reference scene over a minute, without errors."""
+    line = reference_line(SensorConfig(error_model=ErrorModelConfig(mode="none")))
+    return line, [line.compute(line.initial_state(), tick).output for tick in ticks_at(range(0, 1500, 100))]
+
+
+def test_the_reference_scene_hides_a_third_behind_half_of_its_vehicles(looks):
+    line, outputs = looks
+    for output in outputs:
+        assert len(output.snapshot.scene.obstacles) == 50
+        assert boxes_in_view(line.sensor.camera, output.snapshot) >= 25
+        assert (output.observation.reason == Unseen.OCCLUDED).mean() >= 0.3
+        assert [len(marking.painted) for marking in output.snapshot.scene.markings] == [1000] * 4
+
+
+def test_all_of_its_vehicles_move(looks):
+    _, (first, *_, last) = looks
+    for before, after in zip(first.snapshot.scene.obstacles, last.snapshot.scene.obstacles, strict=True):
+        assert np.linalg.norm(before.centre_world_m - after.centre_world_m) > 10.0
+
+
+def test_p1_sees_the_same_points_and_fits_the_same_lines(looks):
+    line, outputs = looks
+    other = reference.P1Sensor(line.sensor.camera, line.sensor.config.scene.range_m)
+    compared = 0
+    for output in outputs:
+        frame = other.frame(output.snapshot, other.signals(output.frames))
+        assert (frame.seen != reference.seen_by_us(output, 1000)).mean() <= 1e-3
+        assert len(frame.payloads) == len(output.frames)
+        ours = [b for b in output.estimate.boundaries if b.measured and b.quality == 4]
+        for boundary in ours:
+            closest = min(np.abs(cubic[::-1] - boundary.coefficients).max() for cubic in frame.cubics)
+            compared += closest < 1e-3
+    assert compared >= len(outputs)
+
+
+def test_p1_encodes_the_bytes_that_were_sent_but_for_counter_and_crc(looks):
+    line, outputs = looks
+    other = reference.P1Sensor(line.sensor.camera, 100.2)
+    sent = outputs[0].frames
+    frame = other.frame(outputs[0].snapshot, other.signals(sent))
+    assert frame.payloads == tuple(frame.data for frame in sent)
+
+
+def test_a_report_holds_what_was_asked_for(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(reference.against_p1, "__defaults__", (1, 5))
+    assert main(["--only", "reference", "--out", str(tmp_path)]) == 0
+    report = json.loads((tmp_path / "bench.json").read_text())
+    assert set(report) == {"machine", "reference"}
+    assert "P1's algorithms" in (tmp_path / "bench.md").read_text()
+
+
+def test_an_unknown_section_is_refused(capsys):
+    with pytest.raises(SystemExit):
+        main(["--only", "demo,nothing"])
+    assert "nothing" in capsys.readouterr().err

@@ -1,0 +1,53 @@
+"""`python -m tools.bench [--only demo,fast,...] [--seconds N] [--full] [--out report]`."""
+
+import argparse
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from tools.bench import drives, reference
+from tools.bench.measure import ROOT, machine
+from tools.bench.report import markdown
+
+SECTIONS = ("demo", "fast", "vcan", "reference", "memory")
+
+
+def main(words: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(
+        prog="python -m tools.bench", description="measure the project's figures"
+    )
+    parser.add_argument("--only", default=",".join(SECTIONS), help=f"some of {','.join(SECTIONS)}")
+    parser.add_argument("--seconds", type=int, default=60, help="length of the run on vcan")
+    parser.add_argument("--full", action="store_true", help="memory over a simulated hour, not ten minutes")
+    parser.add_argument("--out", type=Path, default=ROOT / "report", help="folder of the report")
+    arguments = parser.parse_args(words)
+    only = arguments.only.split(",")
+    unknown = sorted(set(only) - set(SECTIONS))
+    if unknown:
+        parser.error(f"--only {','.join(unknown)}: some of {','.join(SECTIONS)} were expected")
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    works: dict[str, tuple[str, Callable[[], dict]]] = {
+        "demo": ("demo_tick", drives.demo_tick),
+        "fast": ("fast", drives.fast_ratio),
+        "vcan": ("vcan", lambda: drives.on_vcan(arguments.seconds)),
+        "reference": ("reference", reference.against_p1),
+        "memory": ("memory", lambda: drives.memory(3600 if arguments.full else 600)),
+    }
+    report: dict[str, dict] = {"machine": machine()}
+    for section, (key, work) in works.items():
+        if section in only:
+            report[key] = work()
+    (arguments.out / "bench.json").write_text(json.dumps(report, indent=2) + "\n")
+    text = markdown(report)
+    (arguments.out / "bench.md").write_text(text)
+    print(text)
+    vcan = report.get("vcan", {})
+    if "error" in vcan:
+        print(f"vcan: {vcan['error']}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,108 @@
+"""What was measured as a page of tables; a section that was not measured has none."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+Report = Mapping[str, Any]
+
+
+def markdown(report: Report) -> str:
+    """Return the report as Markdown."""
+    machine = report["machine"]
+    parts = [
+        "# Measured",
+        f"{machine['processor']}, {machine['cores']} cores, Python {machine['python']}, "
+        f"numpy {machine['numpy']}; load average at the start {machine['load_average']:.1f}",
+        _targets(report),
+    ]
+    parts += [write(report[name]) for name, write in SECTIONS.items() if name in report]
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """Return a table; `rows` hold what str() makes readable."""
+    lines = [f"| {' | '.join(map(str, row))} |" for row in (header, ["---"] * len(header), *rows)]
+    return "\n".join(lines)
+
+
+def number(value: float) -> str:
+    """Return a number with three digits that count."""
+    return "-" if value != value else f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+
+
+def _targets(report: Report) -> str:
+    rows: list[Sequence[object]] = []
+    for name, write in TARGETS.items():
+        if name in report and "error" not in report[name]:
+            rows += write(report[name])
+    return table(("figure", "target", "measured"), rows) if rows else ""
+
+
+def _demo(demo: Report) -> list[Sequence[object]]:
+    measured = (
+        f"{demo['p50_ms']:.2f} ms (p99 {demo['p99_ms']:.2f}); "
+        f"{demo['p50_per_yardstick']:.2f} x sorting 100,000 numbers"
+    )
+    return [("demo tick, one core, p50", "2 ms", measured)]
+
+
+def _fast(fast: Report) -> list[Sequence[object]]:
+    plain = fast["plain"]
+    return [
+        ("`--fast`, the loop", "20 x real time", f"{plain['times_real_time']:.1f} x"),
+        ("the same with BLF log and trace", "", f"{fast['with_log_and_trace']['times_real_time']:.1f} x"),
+        ("`--fast`, whole process", "", f"{plain['with_start_and_end_of_the_process']:.1f} x"),
+    ]
+
+
+def _vcan(vcan: Report) -> list[Sequence[object]]:
+    late = vcan["lateness_ms"]
+    errors = f"{vcan['counter_errors']}, {vcan['crc_errors']}"
+    return [
+        (f"vcan ({vcan['kernel']}), {vcan['seconds']} s: slots dropped", "0", vcan["slots_dropped"]),
+        ("the same: frames lost", "0", f"{vcan['frames_lost']} of {vcan['frames_sent']}"),
+        ("the same: counter, CRC errors", "0, 0", errors),
+        ("the same: lateness p50, p99, max", "", f"{late['p50']}, {late['p99']}, {late['max']} ms"),
+    ]
+
+
+def _memory(memory: Report) -> list[Sequence[object]]:
+    measured = (
+        f"{memory['growth_mb']:+.1f} MB, from {memory['after_warm_up_mb']:.0f} MB "
+        f"(largest {memory['largest_mb']:.0f})"
+    )
+    return [(f"memory over {memory['simulated_s'] / 60:.0f} simulated minutes", "within 5 MB", measured)]
+
+
+def _reference(found: Report) -> list[Sequence[object]]:
+    frame = (
+        f"{found['ratio']:.0f} x ({found['p1_p50_ms']:.1f} ms against {found['ours_p50_ms']:.2f}; "
+        f"CPU time {found['ratio_of_cpu_time']:.0f} x)"
+    )
+    tail = f"{found['p99_per_p50']:.2f} (CPU time {found['p99_per_p50_of_cpu_time']:.2f})"
+    return [
+        ("reference scene, a whole frame against P1's algorithms in numpy", "40 x faster", frame),
+        ("the same: p99 / p50", "2.5", tail),
+        ("the same: points that only one of both sees", "0.1 %", f"{found['points_seen_by_one_only']:.3%}"),
+    ]
+
+
+def _reference_page(found: Report) -> str:
+    scene = (
+        f"4 lines of 1000 points, {found['boxes']} vehicles on the move, at least "
+        f"{found['boxes_in_view_at_least']} of them in view, at least {found['hidden_at_least']:.0%} of the "
+        f"points hidden, UTM coordinates, {found['frames_a_tick']} frames a tick. Ours makes errors and "
+        "tracks, P1's side does not."
+    )
+    return f"## The reference scene\n\n{scene}\n\n{_stages(found['stages_p50_ms'])}"
+
+
+def _stages(stages: Report) -> str:
+    return table(("stage", "p50 ms"), [(stage, f"{ms:.3f}") for stage, ms in stages.items()])
+
+
+TARGETS = {"demo_tick": _demo, "fast": _fast, "vcan": _vcan, "reference": _reference, "memory": _memory}
+SECTIONS = {
+    "demo_tick": lambda demo: "## The demo tick\n\n" + _stages(demo["stages_p50_ms"]),
+    "reference": _reference_page,
+}
