@@ -76,6 +76,8 @@ def run_cells(
             else:
                 errors[answer.key] = answer.error
             advance(answer.error)
+    if interrupted:  # what a worker has finished since we last looked
+        results |= {key: late for key in todo if (late := store.read(key)) is not None}
     return Outcome(
         results=tuple(results.get(key) for key in keys),
         reused=reused,
