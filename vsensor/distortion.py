@@ -27,8 +27,8 @@ MARGIN = 1e-6
 TABLE_RADIUS = 4.0
 """The table of first guesses ends here (76 degrees off axis) or with the range."""
 FAST_STEPS = 2
-"""Newton steps on all points at once; from the table's guess (1e-7) two end at rounding. One more is
-taken where there is a tangential part, of which the guess knows the first order only."""
+"""Newton steps on all points at once, with the derivative of the first: from the table's guess (1e-7)
+two end at rounding. One more where there is a tangential part, of which the guess knows the first order."""
 GUARDED_STEPS = 100
 """Further steps, damped, for the few points that are then not there: close to the fold, or outside."""
 FAR = 1e9
@@ -139,9 +139,10 @@ def undistort(lens: Distortion, x_seen: Array, y_seen: Array) -> tuple[Array, Ar
         steps += 1
         dx, dy = _missing(lens, x, y, x_seen, y_seen)
         x, y = x + dx * shrink, y + dy * shrink
+    xx, xy, yy = inverse_jacobian(lens, x, y)
     for _ in range(steps):
-        dx, dy = _step(lens, x, y, *_missing(lens, x, y, x_seen, y_seen))
-        x, y = x + dx, y + dy
+        dx, dy = _missing(lens, x, y, x_seen, y_seen)
+        x, y = x + xx * dx + xy * dy, y + xy * dx + yy * dy
     solved = _is_solved(lens, x, y, *_missing(lens, x, y, x_seen, y_seen))
     if not solved.all():
         x[~solved] = y[~solved] = np.nan
@@ -163,6 +164,14 @@ def jacobian(lens: Distortion, x: Array, y: Array) -> tuple[Array, Array, Array]
         slope * x * y + 2.0 * (lens.p1 * x + lens.p2 * y),
         gain + slope * y * y + px + 3.0 * py,
     )
+
+
+def inverse_jacobian(lens: Distortion, x: Array, y: Array) -> tuple[Array, Array, Array]:
+    """Return dx/dx'', dx/dy'' = dy/dx'', dy/dy'' at undistorted points (N,); NaN past the fold."""
+    xx, xy, yy = jacobian(lens, x, y)
+    determinant = xx * yy - xy * xy
+    scale = 1.0 / np.where(determinant > 0.0, determinant, np.nan)
+    return yy * scale, -xy * scale, xx * scale
 
 
 def _distorted(lens: Distortion, x: Array, y: Array) -> tuple[Array, Array]:
@@ -193,14 +202,6 @@ def _missing(lens: Distortion, x: Array, y: Array, x_seen: Array, y_seen: Array)
     return x_seen - x_found, y_seen - y_found
 
 
-def _step(lens: Distortion, x: Array, y: Array, dx_seen: Array, dy_seen: Array) -> tuple[Array, Array]:
-    """Return the Newton step; NaN where the determinant is not positive."""
-    xx, xy, yy = jacobian(lens, x, y)
-    determinant = xx * yy - xy * xy
-    inverse = 1.0 / np.where(determinant > 0.0, determinant, np.nan)
-    return (yy * dx_seen - xy * dy_seen) * inverse, (xx * dy_seen - xy * dx_seen) * inverse
-
-
 def _is_solved(lens: Distortion, x: Array, y: Array, dx_seen: Array, dy_seen: Array) -> BoolArray:
     """Return whether the residual is rounding and the point in the range."""
     r2 = x * x + y * y
@@ -226,8 +227,9 @@ def _guarded(lens: Distortion, x_seen: Array, y_seen: Array) -> tuple[Array, Arr
     dx_seen, dy_seen = _missing(lens, x, y, x_seen, y_seen)
     solved = _is_solved(lens, x, y, dx_seen, dy_seen)
     for _ in range(GUARDED_STEPS):
-        dx, dy = _step(lens, x, y, dx_seen, dy_seen)
-        x_next, y_next = x + part * dx, y + part * dy
+        xx, xy, yy = inverse_jacobian(lens, x, y)
+        x_next = x + part * (xx * dx_seen + xy * dy_seen)
+        y_next = y + part * (xy * dx_seen + yy * dy_seen)
         dx_next, dy_next = _missing(lens, x_next, y_next, x_seen, y_seen)
         closer = dx_next * dx_next + dy_next * dy_next < dx_seen * dx_seen + dy_seen * dy_seen
         taken = closer & _is_inside(lens, x_next, y_next) & ~solved

@@ -35,7 +35,8 @@ class CameraConfig(Config, frozen=True, kw_only=True):
 
     Sight: `min_range_m` and `max_range_m` are the least and greatest depth along the optical axis; paint
     is seen where it is at least `min_width_px` wide in the image, across the line's direction there.
-    `occlusion`: boxes = shadow test, embree = rays, auto = whichever is faster for the scene.
+    `occlusion`: boxes = shadow test (a mesh counts as its box), embree = rays, auto = whichever is
+    faster for the scene, none = nothing is hidden; `crest`: the road itself hides what lies behind.
 
     Back to the road: `inverse = "true_depth"` places a pixel by the depth of what is there (P1);
     "ground_plane" as one camera alone must, where its ray meets the flat road under a camera of the
@@ -61,6 +62,7 @@ class CameraConfig(Config, frozen=True, kw_only=True):
     min_width_px: Annotated[float, Meta(ge=0.0, le=1000.0)] = 0.0
     pixel_grid: bool = True
     occlusion: Literal["auto", "none", "boxes", "embree"] = "auto"
+    crest: bool = True
     inverse: Literal["true_depth", "ground_plane"] = "true_depth"
     assumed_height_m: MountZ | None = None
     assumed_pitch_deg: Pitch | None = None

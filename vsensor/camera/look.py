@@ -106,12 +106,16 @@ def _look(
 def _hidden(
     camera: Camera, scene_config: scene.SceneConfig, snapshot: Snapshot, to_camera: Rigid, points: Array
 ) -> BoolArray:
-    """Return which points (N, 3) of the ego frame an obstacle hides from the camera."""
-    obstacles = scene.obstacles_near(scene_config, snapshot.ego, snapshot.scene)
-    if not obstacles or not len(points):
-        return np.zeros(len(points), dtype=bool)
-    boxes = raycast.boxes_in(scene.world_from_ego(snapshot.ego), obstacles)
-    return raycast.hidden(invert(to_camera).translation, points, boxes, _METHODS[camera.config.occlusion])
+    """Return which points (N, 3) of the ego frame an obstacle or a crest of the road hides."""
+    around, method = snapshot.scene, _METHODS[camera.config.occlusion]
+    frame, eye = scene.world_from_ego(snapshot.ego), invert(to_camera).translation
+    near = scene.obstacles_near(scene_config, snapshot.ego, around)
+    standing = [one for one in around.obstacles if not one.is_moving]
+    hidden = raycast.hidden_by_obstacles(frame, eye, points, near, standing, method)
+    if camera.config.crest and around.surface is not None:
+        sections = (around.surface.points_world_m - frame.translation) @ frame.rotation
+        hidden |= raycast.hidden_by_surface(eye, points, sections)
+    return hidden
 
 
 def _lines(

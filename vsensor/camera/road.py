@@ -15,7 +15,7 @@ from math import hypot, sqrt
 import numpy as np
 
 from vsensor.camera.optics import Camera, normalised
-from vsensor.distortion import jacobian
+from vsensor.distortion import inverse_jacobian
 from vsensor.transforms import Rigid, invert
 from vsensor.types import Array, BoolArray
 
@@ -79,8 +79,7 @@ def _pinhole_sigma_y_m(camera: Camera, to_camera: Rigid, depth_m: Array) -> Arra
 def _sigma_y_m(camera: Camera, by_x: Array, by_y: Array, x: Array, y: Array) -> Array:
     """Return the same from dy / dx and dy / dy (N,) of the normalised coordinates x, y (N,)."""
     if camera.distortion is not None:
-        xx, xy, yy = jacobian(camera.distortion, x, y)  # by the image = by the point, through its inverse
-        determinant = xx * yy - xy * xy
-        by_x, by_y = (yy * by_x - xy * by_y) / determinant, (xx * by_y - xy * by_x) / determinant
+        xx, xy, yy = inverse_jacobian(camera.distortion, x, y)
+        by_x, by_y = xx * by_x + xy * by_y, xy * by_x + yy * by_y
     per_pixel = np.hypot(by_x / camera.fx_px, by_y / camera.fy_px)
     return np.maximum(per_pixel / sqrt(12.0), SIGMA_FLOOR_M)

@@ -26,10 +26,10 @@ def end_of_sight(
     if camera.config.min_width_px > 0.0:
         inside = (codes == Unseen.SEEN).nonzero()[0]
         places = painted[inside]
-        along = to_camera.rotation @ _directions(candidates)[:, places]
+        along = to_camera.rotation @ _directions(candidates, places)
         up = to_camera.rotation[:, 2]
         width_m = _widths_m(surroundings, candidates)[places]
-        width_px = apparent_width_px(camera, optical[:, inside], along, up, width_m)
+        width_px = apparent_width_px(camera, optical.take(inside, axis=1), along, up, width_m)
         codes[inside[width_px < camera.config.min_width_px]] = Unseen.TOO_NARROW
 
 
@@ -41,7 +41,13 @@ def apparent_width_px(camera: Camera, points: Array, along: Array, up: Array, wi
     of `along`, and the width is the distance between them: f width / depth for a stripe straight below
     the camera, less for one far aside. A stripe seen end-on has the length of the vector across.
     """
-    across = np.cross(up, along.T).T
+    across = np.array(
+        (
+            up[1] * along[2] - up[2] * along[1],
+            up[2] * along[0] - up[0] * along[2],
+            up[0] * along[1] - up[1] * along[0],
+        )
+    )
     length = np.sqrt((across * across).sum(axis=0))
     across *= np.divide(width_m, length, out=np.zeros(len(width_m)), where=length > 0.0)
     (across_u, across_v), (along_u, along_v) = (_image_of(camera, points, v) for v in (across, along))
@@ -61,16 +67,16 @@ def _image_of(camera: Camera, points: Array, vectors: Array) -> tuple[Array, Arr
     return camera.fx_px * dx, camera.fy_px * dy
 
 
-def _directions(candidates: LinePoints) -> Array:
-    """Return the direction (3, N) of each line at its points, from neighbour to neighbour, not normalised.
+def _directions(candidates: LinePoints, places: IntArray) -> Array:
+    """Return the direction (3, M) of the lines at the candidates `places` (M,), not normalised.
 
-    A point that is alone has the vehicle's.
+    It is that from the point before to the point after; a point that is alone has the vehicle's.
     """
     points, starts = candidates.points_ego_m.T, candidates.starts
-    place = np.arange(points.shape[1])
-    line = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
-    before, after = np.maximum(place - 1, starts[line]), np.minimum(place + 1, starts[line + 1] - 1)
-    directions = points[:, after] - points[:, before]
+    line = np.repeat(np.arange(len(starts) - 1), np.diff(starts)).take(places)
+    before = np.maximum(places - 1, starts.take(line))
+    after = np.minimum(places + 1, starts.take(line + 1) - 1)
+    directions = points.take(after, axis=1) - points.take(before, axis=1)
     directions[0, before == after] = 1.0
     return np.asarray(directions)
 
