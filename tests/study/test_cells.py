@@ -2,6 +2,7 @@
 
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -174,7 +175,12 @@ def test_a_signal_ends_the_work_at_once_and_keeps_what_is_finished(stuck, tmp_pa
     assert all(is_gone(pid) for pid in pids(tmp_path))
 
 
+def blocked_signals(pid):
+    return int(re.search(r"^SigBlk:\s*(\w+)", Path(f"/proc/{pid}/status").read_text(), re.M)[1], 16)
+
+
 def test_ctrl_c_reaches_the_whole_group_of_processes_without_a_word_from_them(stuck, tmp_path):
+    assert all(blocked_signals(pid) & 1 << signal.SIGINT - 1 for pid in pids(tmp_path))
     os.killpg(stuck.pid, signal.SIGINT)
     assert stuck.communicate(timeout=60) == ("interrupted True finished 4 failed 0\n", "")
 
