@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from tests.roads import ego
 from vsensor.draws import Draws
-from vsensor.motion import BumpConfig, MotionConfig, advance, initial_state, load_motion
+from vsensor.motion import BumpConfig, MotionConfig, MotionState, advance, initial_state, load_motion
 from vsensor.transforms import rotation_from_rpy
 from vsensor.types import Tick
 
@@ -224,7 +224,23 @@ def test_a_drive_that_begins_on_a_bump_begins_settled_there():
     config = MotionConfig(body=True, bumps=(BumpConfig(at_m=1.8, length_m=2.0, height_m=0.1),))
     found = driven(np.arange(50) * 0.04, config, 0.0)
     assert angles(found)[0, 0] == pytest.approx(-0.1 / WHEELBASE_M)
+    assert middle_heave_m(found[0][0]) == pytest.approx(0.05)
     np.testing.assert_allclose(angles(found), angles(found)[[0]].repeat(50, axis=0), atol=1e-16)
+
+
+def test_backwards_over_bumps_is_the_same_in_one_tick_as_in_many():
+    motion = load_motion(MotionConfig(body=True, bumps=BUMPS), WHEELBASE_M)
+    vehicle, draws = ego(speed_mps=-10.0), Draws(1)
+
+    def backed(period_ns):
+        state = MotionState(t_ns=0, driven_m=25.0, speed_mps=-10.0)
+        for t_ns in range(period_ns, 2 * 10**9 + 1, period_ns):
+            tick = Tick(index=0, t_ns=t_ns, period_ns=period_ns)
+            state, moved = advance(motion, state, vehicle, draws, tick)
+        return moved.body_pitch_rad, middle_heave_m(moved)
+
+    assert abs(backed(2 * 10**9)[0]) > 1e-5
+    np.testing.assert_allclose(backed(2 * 10**9), backed(10**7), rtol=0, atol=1e-13)
 
 
 def test_the_way_is_that_of_a_linear_speed():

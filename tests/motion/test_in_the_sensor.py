@@ -90,6 +90,26 @@ def test_with_true_depth_and_no_pixels_what_is_reported_stays_road_level():
         np.testing.assert_allclose(shift, 0.0, atol=1e-9)
 
 
+def test_with_a_ground_plane_braking_becomes_an_error_of_known_size():
+    """Seen from the camera: forward (cos, 0, -sin), down (-sin, 0, -cos) of the lean."""
+    ground = {"pixel_grid": False, "inverse": "ground_plane"}
+    seen_by = sensor(**EXACT | {"camera": ground}, motion={"body": True})
+    ((_, sensed),) = images(seen_by, 1, ego(acceleration_mps2=-2.0))
+    lean = math.radians(0.3)
+    camera_x = 1.9 * math.cos(lean) + 1.35 * math.sin(lean)
+    camera_z = -1.9 * math.sin(lean) + 1.35 * math.cos(lean) + 1.4 * math.sin(lean)
+    lines = sensed.observation.lines
+    for k, y in ((0, 1.8), (1, -1.7)):
+        part = slice(lines.starts[k], lines.starts[k + 1])
+        ahead = -20.0 + 0.1 * lines.index[part] - camera_x
+        forward = ahead * math.cos(lean) + camera_z * math.sin(lean)
+        below = camera_z * math.cos(lean) - ahead * math.sin(lean)
+        found = lines.points_ego_m[part]
+        np.testing.assert_allclose(found[:, 0], 1.9 + forward * 1.35 / below, rtol=1e-9)
+        np.testing.assert_allclose(found[:, 1], y * 1.35 / below, rtol=1e-9)
+        assert abs(found[-1, 1] - y) > 0.5  # m, where the road seems to end
+
+
 def test_braking_lets_the_camera_see_the_road_from_nearer():
     def nearest(sections, acceleration):
         vehicle = ego(acceleration_mps2=acceleration)

@@ -129,6 +129,24 @@ def test_four_ticks_are_one_of_four_times_the_length():
     assert short[9] ** 4 == pytest.approx(long[9], abs=1e-14)
 
 
+@pytest.mark.parametrize("period_ns", [10_000_000, 40_000_000])
+def test_every_element_of_the_state_keeps_its_unit_variance(period_ns):
+    vibration = Vibration.of(MotionConfig(vibration="normal"))
+    nothing = [0.0] * NORMALS
+    kept = [vibration.advance(row, period_ns, nothing) for row in np.eye(NORMALS).tolist()]
+    fresh = [vibration.advance(nothing, period_ns, row) for row in np.eye(NORMALS).tolist()]
+    covariance = np.transpose(kept) @ kept + np.transpose(fresh) @ fresh
+    np.testing.assert_allclose(covariance, np.eye(NORMALS), atol=1e-14)
+
+
+def test_what_is_remembered_does_not_depend_on_the_length_of_a_tick():
+    vibration = Vibration.of(MotionConfig(vibration="normal"))
+    state = long = tuple(np.random.default_rng(1).standard_normal(NORMALS).tolist())
+    for _ in range(4):
+        state = vibration.advance(state, 10_000_000, [0.0] * NORMALS)
+    np.testing.assert_allclose(state, vibration.advance(long, 40_000_000, [0.0] * NORMALS), atol=1e-14)
+
+
 @pytest.mark.parametrize("broadband", [0.0, 0.1, 1.0])
 @pytest.mark.parametrize(("peak_hz", "damping"), [(0.5, 0.35), (0.3, 0.05), (5.0, 0.9)])
 def test_the_share_above_three_tenths_of_a_hertz_is_that_of_the_spectrum(peak_hz, damping, broadband):
