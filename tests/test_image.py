@@ -13,6 +13,7 @@ from vsensor.distortion import DistortionConfig
 from vsensor.draws import Draws
 from vsensor.errors import ConfigError
 from vsensor.image import ImageConfig, render
+from vsensor.image.config import RAIN_EXTINCTION_PER_M, RAIN_VEIL, WET_PAINT
 from vsensor.image.coverage import chained, coverage, outline
 from vsensor.image.ground import worn
 from vsensor.image.hills import Skyline
@@ -75,8 +76,9 @@ def taken(shot, config=CLEAN, camera=CAMERA, seed=0, index=0):
 
 
 def paint_in(shot, config=CLEAN, camera=CAMERA):
-    """Return how much brighter each pixel is than without markings, as floats."""
-    bare = replace(shot, scene=replace(shot.scene, markings=()))
+    """Return how much brighter each pixel is than without paint, as floats."""
+    unpainted = tuple(replace(m, painted=np.zeros_like(m.painted)) for m in shot.scene.markings)
+    bare = replace(shot, scene=replace(shot.scene, markings=unpainted))
     return taken(shot, config, camera).astype(float) - taken(bare, config, camera)
 
 
@@ -182,6 +184,12 @@ def test_a_stripe_that_passes_under_the_camera_is_cut_and_not_folded():
     assert through == pytest.approx(ahead, abs=1.0)
 
 
+def test_a_stripe_of_two_points_is_cut_at_the_camera_like_one_of_many():
+    ends = np.array([-60.0, 60.0])
+    dense = paint_in(snapshot(marking(np.linspace(-60.0, 60.0, 1201), 1.8)))
+    assert paint_in(snapshot(marking(ends, 1.8))) == pytest.approx(dense, abs=1.0)
+
+
 def test_only_paint_is_drawn():
     x = np.arange(0.0, 60.0, 0.1)
     painted = (x > 20.0) & (x < 26.0)
@@ -238,7 +246,7 @@ def test_a_box_has_its_outline_where_project_says():
 def test_the_nearer_of_two_boxes_is_in_front():
     near, far = box(15.0, number=0), box(30.0, size=(4.0, 2.0, 1.5), number=1)
     alone = taken(snapshot(boxes=[near]))
-    ((u, v),) = pixels_of([[13.0, 0.0, 0.75]])
+    ((u, v),) = pixels_of([[13.0, 0.0, 1.3]])  # this ray meets the farther box too
     for boxes in ([near, far], [far, near]):
         assert taken(snapshot(boxes=boxes))[int(v), int(u)] == alone[int(v), int(u)]
 
@@ -313,6 +321,13 @@ def test_at_night_paint_fades_with_distance():
 def test_rain_lowers_contrast(light):
     dry, wet, heavy = (contrast(snapshot(straight(1.8), light=light, rain=rain)) for rain in (0.0, 0.5, 1.0))
     assert heavy < wet < dry
+
+
+def test_the_heaviest_rain_takes_its_parts_of_the_contrast_of_paint():
+    row = round(pixels_of([[10.0, 0.0, 0.0]])[0, 1])
+    dry, wet = (paint_in(snapshot(straight(0.0, width_m=0.5), rain=rain))[row].max() for rain in (0.0, 1.0))
+    clear = np.exp(-RAIN_EXTINCTION_PER_M * 8.1)
+    assert wet / dry == pytest.approx((1.0 - WET_PAINT) * (1.0 - RAIN_VEIL) * clear, rel=0.02)
 
 
 def test_wear_lowers_contrast_until_no_paint_is_left():
@@ -471,6 +486,27 @@ def test_a_crest_hides_the_paint_behind_it():
     assert paint_in(snapshot(before)).any()
 
 
+def test_beyond_a_crest_a_road_that_rises_again_is_hidden_up_to_the_line_of_sight():
+    x = np.arange(0.0, 150.0, 0.1)
+    height = crest(x.clip(0.0, 75.0)) + 0.06 * (x - 75.0).clip(0.0)
+    touches = 1.9 + np.sqrt(28.1**2 + 1620.0)
+    slope = (crest(np.array([touches]))[0] - 1.35) / (touches - 1.9)
+    is_above = height - 1.35 > slope * (x - 1.9)
+    appears = x[is_above & (x > 80.0)][0]
+    hidden = marking(x, 1.8, height, painted=(x > 76.0) & (x < appears - 0.5))
+    assert not paint_in(snapshot(hidden)).any()
+    seen = marking(x, 1.8, height, painted=x > appears + 0.5)
+    assert paint_in(snapshot(seen)).any()
+
+
+def test_paint_just_behind_a_crest_takes_nothing_from_the_paint_before_it():
+    x = np.arange(0.0, 120.0, 0.1)
+    touches = 1.9 + np.sqrt(28.1**2 + 1620.0)
+    solid = paint_in(snapshot(marking(x, 1.8, crest(x))))
+    before = paint_in(snapshot(marking(x, 1.8, crest(x), painted=x < touches)))
+    assert (solid >= before - 1.0).all()
+
+
 def test_a_crest_hides_the_lower_part_of_a_vehicle_and_then_all_of_it():
     x = np.arange(0.0, 160.0, 0.1)
     line = marking(x, 3.0, crest(x), painted=False)
@@ -481,13 +517,14 @@ def test_a_crest_hides_the_lower_part_of_a_vehicle_and_then_all_of_it():
             box(distance_m, number=1), centre_world_m=np.array([distance_m, 0.0, height + 0.75])
         )
         bare = taken(snapshot(*lines)).astype(int)
-        return np.count_nonzero((taken(snapshot(*lines, boxes=[vehicle])) != bare).any(axis=1))
+        return (taken(snapshot(*lines, boxes=[vehicle])) != bare).any(axis=1).nonzero()[0]
 
-    assert rows_of(35.0, line) == rows_of(35.0)
-    assert 0 < rows_of(75.0, line) < rows_of(75.0) - 2
-    assert rows_of(75.0) > 0
-    assert rows_of(130.0, line) == 0
-    assert rows_of(130.0) > 0
+    assert np.array_equal(rows_of(35.0, line), rows_of(35.0))
+    cut, whole = rows_of(75.0, line), rows_of(75.0)
+    assert cut[0] == whole[0]  # its roof
+    assert whole[0] < cut[-1] < whole[-1] - 2
+    assert len(rows_of(130.0, line)) == 0
+    assert len(rows_of(130.0)) > 0
 
 
 def test_a_road_that_climbs_into_the_sky_is_drawn_there_with_its_paint():
