@@ -106,11 +106,12 @@ def wrong_by_m(obstacle, points, method):
     turn = exact.rotation(obstacle.roll_rad, obstacle.pitch_rad, obstacle.yaw_rad)
     solid = (obstacle.centre_world_m, obstacle.size_m, turn)
     return max(
-        _wrong_by_m(point, bool(is_hidden), solid) for point, is_hidden in zip(points, found, strict=True)
+        point_wrong_by_m(point, bool(is_hidden), solid)
+        for point, is_hidden in zip(points, found, strict=True)
     )
 
 
-def _wrong_by_m(point, found, solid):
+def point_wrong_by_m(point, found, solid):
     def answer(grown_m):
         return exact.is_hidden(EYE, point, solid, grown_m, FAR_LIMIT)
 

@@ -2,10 +2,17 @@
 
 from functools import cache
 
-from tests.hard_cases import attitudes, edges, far_out, fits, times
+from tests.hard_cases import attitudes, edges, far_out, fits, mesh_edges, times
 from tests.hard_cases.exact import Row
 
-PARTS = {"far_out": far_out, "attitudes": attitudes, "edges": edges, "fits": fits, "times": times}
+PARTS = {
+    "far_out": far_out,
+    "attitudes": attitudes,
+    "edges": edges,
+    "mesh_edges": mesh_edges,
+    "fits": fits,
+    "times": times,
+}
 
 
 @cache
