@@ -3,6 +3,7 @@
 from vsensor.raycast.boxes import EMBREE_FROM_BOXES, FAR_LIMIT, Boxes, Method, boxes_in, hidden
 from vsensor.raycast.meshes import mesh_of
 from vsensor.raycast.obstacles import hidden_by_obstacles
+from vsensor.raycast.surface import hidden_by_surface
 
 __all__ = [
     "EMBREE_FROM_BOXES",
@@ -12,5 +13,6 @@ __all__ = [
     "boxes_in",
     "hidden",
     "hidden_by_obstacles",
+    "hidden_by_surface",
     "mesh_of",
 ]

@@ -196,8 +196,10 @@ class MapDrive:
         s_m = self._speed.integral(t_s)
         if not self.corridor.reaches(s_m):
             return None, None
+        view = s_m - BEHIND_M, s_m + self._view_m
         scene = Scene(
-            markings=self.corridor.markings_window(s_m - BEHIND_M, s_m + self._view_m),
+            markings=self.corridor.markings_window(*view),
+            surface=self.corridor.surface_window(*view),
             obstacles=self._obstacles(t_s, s_m),
             environment=self._environment,
         )

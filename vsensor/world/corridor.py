@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 
 from vsensor.errors import MapError
-from vsensor.types import Array, Marking
+from vsensor.types import Array, Marking, RoadSurface
 from vsensor.world.blocks import Blocks
 from vsensor.world.chains import Chains
 from vsensor.world.opendrive.lanes import Section
@@ -183,3 +183,10 @@ class Corridor:
         lane's own. Empty outside the route.
         """
         return self._windows.between(s_from_m, s_to_m)
+
+    def surface_window(self, s_from_m: float, s_to_m: float) -> RoadSurface | None:
+        """Return the road's cross-sections between two distances, None where it is too flat to hide anything.
+
+        They reach from the outermost border of `markings_window` to the other.
+        """
+        return self._windows.surface(s_from_m, s_to_m)

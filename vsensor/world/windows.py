@@ -5,10 +5,11 @@ from collections import OrderedDict
 
 import numpy as np
 
-from vsensor.types import Marking
+from vsensor.types import Marking, RoadSurface
 from vsensor.world.blocks import Blocks, cached
 from vsensor.world.borders import border_lines
 from vsensor.world.page import Page, Strip, join
+from vsensor.world.sections import Sections, sections_of
 
 PAGE_M = 200.0
 REACH_M = 300.0
@@ -25,17 +26,29 @@ class Windows:
         self._spacing_m = spacing_m
         self._strips: dict[int, Strip] = {}
         self._pages: OrderedDict[tuple[int, int], Page] = OrderedDict()
+        self._sections: OrderedDict[tuple[int, int], Sections | None] = OrderedDict()
         self._ready_page = -1
 
     def between(self, s_from_m: float, s_to_m: float) -> tuple[Marking, ...]:
         """Return the borders between two distances, see `Corridor.markings_window`."""
-        number = max(0, math.floor(s_from_m / PAGE_M))
-        length = max(1, math.ceil((s_to_m - number * PAGE_M) / (PAGE_M + REACH_M)))
-        page = cached(self._pages, (number, length), PAGES_KEPT, lambda: self._page(number, length))
-        if self._ready_page != number + 1:
-            self._prepare(number + 1)
+        key = _key(s_from_m, s_to_m)
+        page = self._page(*key)
+        if self._ready_page != key[0] + 1:
+            self._prepare(key[0] + 1)
+        return page.window(*self._stations(s_from_m, s_to_m))
+
+    def surface(self, s_from_m: float, s_to_m: float) -> RoadSurface | None:
+        """Return the road's cross-sections between two distances, None where it hides nothing of itself."""
+        key = _key(s_from_m, s_to_m)
+        sections = cached(
+            self._sections, key, PAGES_KEPT, lambda: sections_of(self._page(*key).lines, self._spacing_m)
+        )
+        return sections.window(*self._stations(s_from_m, s_to_m)) if sections is not None else None
+
+    def _stations(self, s_from_m: float, s_to_m: float) -> tuple[int, int]:
+        """Return the first station between two distances and the first one behind them."""
         first = math.ceil(s_from_m / self._spacing_m - 1e-9)
-        return page.window(first, math.floor(s_to_m / self._spacing_m + 1e-9) + 1)
+        return first, math.floor(s_to_m / self._spacing_m + 1e-9) + 1
 
     def _prepare(self, number: int) -> None:
         """Do one step towards the page that comes next, so that no single tick pays for all of it."""
@@ -53,6 +66,9 @@ class Windows:
         self._ready_page = number
 
     def _page(self, number: int, length: int) -> Page:
+        return cached(self._pages, (number, length), PAGES_KEPT, lambda: self._joined(number, length))
+
+    def _joined(self, number: int, length: int) -> Page:
         start, end = number * PAGE_M, number * PAGE_M + length * (PAGE_M + REACH_M)
         self._blocks.reach(end)
         inside = list(self._blocks.between(start, end))
@@ -75,3 +91,9 @@ class Windows:
         s = block.piece.s_at(sigma)
         lines = border_lines(block.piece, s, block.piece.road.cross(s), block.lane_ids)
         return Strip(first, len(sigma), dict(zip(block.groups, lines, strict=True)))
+
+
+def _key(s_from_m: float, s_to_m: float) -> tuple[int, int]:
+    """Return number and length of the page that holds what lies between two distances."""
+    number = max(0, math.floor(s_from_m / PAGE_M))
+    return number, max(1, math.ceil((s_to_m - number * PAGE_M) / (PAGE_M + REACH_M)))
