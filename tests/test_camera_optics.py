@@ -205,6 +205,22 @@ def test_each_points_own_width_counts():
     assert set(found.reason[(at > 30) & (at < 39.9)]) == {Unseen.TOO_NARROW}
 
 
+def test_each_points_own_direction_counts():
+    x = np.arange(5.0, 90.0, 0.1)
+    kinked = np.column_stack([x, np.maximum(x - 40.0, 0.0) * 0.5])  # ahead, then half to the left
+    found = look([marking(kinked, painted=x > 12.0)], min_width_px=3.5)
+    at = found.candidates.points_ego_m
+    slope = np.where(at[:, 0] > 40.0, 0.5, 0.0)
+    along, up = np.array([-slope, 0 * slope, 1 + 0 * slope]), np.array([0.0, -1.0, 0.0])
+    points = np.array([-at[:, 1], H - at[:, 2], at[:, 0] - X0])
+    width_px = apparent_width_px(camera(), points, along, up, np.full(len(at), 0.15))
+    seen_where_painted = (at[:, 0] > 12.0) & (np.abs(at[:, 0] - 40.0) > 0.15)
+    assert (width_px[at[:, 0] < 39.8] > 4.0).all()  # so both reasons are there for the direction alone
+    np.testing.assert_array_equal(
+        found.reason[seen_where_painted] == Unseen.TOO_NARROW, width_px[seen_where_painted] < 3.5
+    )
+
+
 def test_a_line_of_one_point_and_one_seen_end_on_have_a_width_too():
     single = marking(np.array([[20.0, 1.0, 0.0]]), 0)
     end_on = marking(np.column_stack([np.arange(5.0, 60.0), np.zeros(55), np.full(55, 1.35)]), 1)

@@ -38,7 +38,7 @@ def lens_of(numbers):
     return lens
 
 
-def in_range(lens, count=5000, seed=1):
+def in_range(lens, count=20_000, seed=1):
     """Return points all over the monotone range, a tenth of them within 1e-2 to 1e-12 of its end."""
     rng = np.random.default_rng(seed)
     part = np.sqrt(rng.random(count))

@@ -216,9 +216,10 @@ def _is_solved(lens: Distortion, x: Array, y: Array, dx_seen: Array, dy_seen: Ar
 def _guarded(lens: Distortion, x_seen: Array, y_seen: Array) -> tuple[Array, Array]:
     """Return the inverse by damped Newton steps from well inside the range, NaN where they end unsolved.
 
-    A step is taken only if it stays in the range and brings the image closer; otherwise half of it.
+    A step that leaves the range ends on its edge. It is taken only if it brings the image closer;
+    otherwise half of it.
     """
-    start = 0.99 * min(lens.radius, TABLE_RADIUS)
+    start, edge = 0.99 * min(lens.radius, TABLE_RADIUS), lens.radius * (1.0 - ROUNDING)
     r_seen = np.sqrt(x_seen * x_seen + y_seen * y_seen)
     shrink = np.interp(r_seen * r_seen, lens.squares, lens.shrinks)
     shrink = np.minimum(shrink, start / np.maximum(r_seen, start * 1e-3))
@@ -230,9 +231,11 @@ def _guarded(lens: Distortion, x_seen: Array, y_seen: Array) -> tuple[Array, Arr
         xx, xy, yy = inverse_jacobian(lens, x, y)
         x_next = x + part * (xx * dx_seen + xy * dy_seen)
         y_next = y + part * (xy * dx_seen + yy * dy_seen)
+        back = np.minimum(edge / np.maximum(np.hypot(x_next, y_next), start), 1.0)
+        x_next, y_next = x_next * back, y_next * back
         dx_next, dy_next = _missing(lens, x_next, y_next, x_seen, y_seen)
         closer = dx_next * dx_next + dy_next * dy_next < dx_seen * dx_seen + dy_seen * dy_seen
-        taken = closer & _is_inside(lens, x_next, y_next) & ~solved
+        taken = closer & ~solved
         x, y = np.where(taken, x_next, x), np.where(taken, y_next, y)
         dx_seen, dy_seen = np.where(taken, dx_next, dx_seen), np.where(taken, dy_next, dy_seen)
         part = np.where(taken, 1.0, 0.5 * part)
