@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from tools.bench import reference
+from tools.bench import frontier, growth, peers, pictures, reference
 from tools.bench.__main__ import main
 from tools.bench.scene import boxes_in_view, reference_line, ticks_at
 from vsensor.error_model import ErrorModelConfig
@@ -58,11 +58,64 @@ def test_p1_encodes_the_bytes_that_were_sent_but_for_counter_and_crc(looks):
     assert frame.payloads == tuple(frame.data for frame in sent)
 
 
+def test_all_peers_find_the_same_points_hidden():
+    found = peers.occlusion(rounds=1)
+    assert found["hidden"] > 0.3
+    assert all(share <= 1e-3 for share in found["unlike_p1"].values())
+    assert {"p1", "trimesh"} <= set(found["times_faster_than"])
+
+
+def test_a_finer_grid_and_a_higher_order_cost_less_error():
+    coarse, fine, straight = (
+        frontier.Setting(width_px=320),
+        frontier.Setting(width_px=2560),
+        frontier.Setting(width_px=2560, order=1),
+    )
+    found = frontier.frontier(looks=6, chosen=[coarse, fine, straight])
+    errors = [point["rms_20m"] for point in found["points"]]
+    assert errors[1] < 0.7 * errors[0] < 0.7 * errors[2]
+    assert all(point["answered"] > 0.4 for point in found["points"])
+
+
+def test_the_bypassed_camera_with_dense_points_is_as_near_to_the_truth_as_its_polynomial():
+    found = frontier.frontier(looks=6, chosen=[frontier.Setting(width_px=0, order=5)])
+    assert found["points"][0]["worst_20m"] < 0.01
+    assert found["points"][0]["answered"] > 0.9
+
+
+def test_a_front_holds_what_no_other_beats():
+    points = [
+        {"p50_ms": ms, "rms_20m": error} for ms, error in ((1.0, 0.3), (2.0, 0.1), (3.0, 0.2), (2.5, 0.05))
+    ]
+    frontier.mark_front(points, 20.0, "front")
+    assert [point["front_20m"] for point in points] == [True, True, False, True]
+
+
+def test_growth_by_a_power_is_found():
+    sizes = [10, 100, 1000, 10_000]
+    assert growth.exponent(sizes, [0.01 * size**1.5 for size in sizes]) == pytest.approx(1.5)
+
+
+def test_growth_and_its_pictures_are_made(tmp_path):
+    grown = growth.growth(points=(400, 4000), boxes=(1, 10), triangles=(100, 400), rounds=1)
+    assert all(np.isfinite(list(curves["exponents"].values())).all() for curves in grown.values())
+    found = frontier.frontier(looks=2, chosen=[frontier.Setting(), frontier.Setting(width_px=0)])
+    pictures.growth(grown, tmp_path / "growth.png")
+    pictures.frontier(found, tmp_path / "frontier.png")
+    for name in ("growth.png", "frontier.png"):
+        assert (tmp_path / name).stat().st_size > 10_000
+
+
+def test_an_egg_has_about_as_many_triangles_as_asked_for():
+    for count in (100, 10_000):
+        assert growth.egg(count).faces.shape[0] == pytest.approx(count, rel=0.1)
+
+
 def test_a_report_holds_what_was_asked_for(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(reference.against_p1, "__defaults__", (1, 5))
     assert main(["--only", "reference", "--out", str(tmp_path)]) == 0
     report = json.loads((tmp_path / "bench.json").read_text())
-    assert set(report) == {"machine", "reference"}
+    assert set(report) == {"machine", "reference", "occlusion"}
     assert "P1's algorithms" in (tmp_path / "bench.md").read_text()
 
 

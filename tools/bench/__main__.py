@@ -3,14 +3,15 @@
 import argparse
 import json
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
-from tools.bench import drives, reference
+from tools.bench import drives, frontier, growth, peers, pictures, reference
 from tools.bench.measure import ROOT, machine
 from tools.bench.report import markdown
 
-SECTIONS = ("demo", "fast", "vcan", "reference", "memory")
+SECTIONS = ("demo", "fast", "vcan", "reference", "frontier", "growth", "memory", "hard")
 
 
 def main(words: list[str] | None = None) -> int:
@@ -32,12 +33,22 @@ def main(words: list[str] | None = None) -> int:
         "fast": ("fast", drives.fast_ratio),
         "vcan": ("vcan", lambda: drives.on_vcan(arguments.seconds)),
         "reference": ("reference", reference.against_p1),
+        "frontier": ("frontier", frontier.frontier),
+        "growth": ("growth", growth.growth),
         "memory": ("memory", lambda: drives.memory(3600 if arguments.full else 600)),
+        "hard": ("hard_cases", hard_cases),
     }
     report: dict[str, dict] = {"machine": machine()}
     for section, (key, work) in works.items():
         if section in only:
+            began = time.perf_counter()
             report[key] = work()
+            print(f"{section}: {time.perf_counter() - began:.0f} s", file=sys.stderr)
+    if "reference" in report:
+        report["occlusion"] = peers.occlusion()
+    for name, draw in (("frontier", pictures.frontier), ("growth", pictures.growth)):
+        if name in report:
+            draw(report[name], arguments.out / f"{name}.png")
     (arguments.out / "bench.json").write_text(json.dumps(report, indent=2) + "\n")
     text = markdown(report)
     (arguments.out / "bench.md").write_text(text)
@@ -47,6 +58,13 @@ def main(words: list[str] | None = None) -> int:
         print(f"vcan: {vcan['error']}", file=sys.stderr)
         return 1
     return 0
+
+
+def hard_cases() -> dict[str, object]:
+    """Return the worst error of every hard case, against higher precision."""
+    from tests.hard_cases.table import rows
+
+    return {"rows": [row._asdict() for row in rows()]}
 
 
 if __name__ == "__main__":
