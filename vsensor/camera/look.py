@@ -99,7 +99,8 @@ def _look(
     if config.pixel_grid:
         pixels = np.rint(pixels)
     appearing, sigma, found = back_to_road(camera, to_camera, pixels, optical[2].take(seen))
-    codes[seen[~found]] = Unseen.BEYOND_SIGHT
+    if found is not None:
+        codes[seen[~found]] = Unseen.BEYOND_SIGHT
     return codes, appearing, sigma if config.pixel_grid else np.zeros(len(sigma))
 
 
@@ -129,8 +130,8 @@ def _lines(
     starts = seen.searchsorted(candidates.starts)
     index = candidates.index[seen]
     line = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
-    least_m = ROW_M if by_rows else 0.0
-    if ((points[0, 1:] - points[0, :-1] <= least_m) & (line[1:] == line[:-1])).any():
+    before = points[0, :-1] + ROW_M if by_rows else points[0, :-1]
+    if ((points[0, 1:] <= before) & (line[1:] == line[:-1])).any():
         order = np.lexsort((points[0], line))
         if by_rows:
             order = _middles(order, points[0], line)

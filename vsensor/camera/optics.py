@@ -110,16 +110,19 @@ def project(camera: Camera, points_camera_m: Array) -> Array:
     x, y = x / depth, y / depth
     if camera.distortion is not None:
         x, y = distort(camera.distortion, x, y)
-    u = camera.fx_px * x + camera.cx_px
-    v = camera.fy_px * y + camera.cy_px
-    return np.array((u, v)).T
+    x *= camera.fx_px
+    y *= camera.fy_px
+    x += camera.cx_px
+    y += camera.cy_px
+    return np.array((x, y)).T
 
 
 def normalised(camera: Camera, pixels: Array) -> tuple[Array, Array]:
     """Return x / z and y / z (N,) of what is seen at pixels (N, 2); NaN where the lens shows nothing."""
     u, v = pixels.T
-    x = (u - camera.cx_px) / camera.fx_px
-    y = (v - camera.cy_px) / camera.fy_px
+    x, y = u - camera.cx_px, v - camera.cy_px
+    x /= camera.fx_px
+    y /= camera.fy_px
     return (x, y) if camera.distortion is None else undistort(camera.distortion, x, y)
 
 

@@ -28,24 +28,26 @@ HORIZON_M = 1000.0
 
 def back_to_road(
     camera: Camera, to_camera: Rigid, pixels: Array, depth_m: Array
-) -> tuple[Array, Array, BoolArray]:
+) -> tuple[Array, Array, BoolArray | None]:
     """Return where in the ego frame the things at pixels (2, N) and true depth (N,) appear to be.
 
-    Points (3, M) and their sigma_y (M,) of the M that appear anywhere, and which those are (N,).
+    Points (3, M) and their sigma_y (M,) of the M that appear anywhere, and which those are (N,); None = all.
     `to_camera` is the camera's true pose; the ground plane knows neither it nor the depth.
     """
     if camera.assumed_from_ego is not None:
         return on_road(camera, camera.assumed_from_ego, pixels)
     x, y = normalised(camera, pixels.T)
-    found = np.isfinite(x)  # a pixel's centre can lie outside a lens's range where its edge does not
-    if not found.all():
-        x, y, depth_m = x[found], y[found], depth_m[found]
+    found = None
     if camera.distortion is None:
         sigma = _pinhole_sigma_y_m(camera, to_camera, depth_m)
     else:
+        found = np.isfinite(x)  # a pixel's centre can lie outside a lens's range where its edge does not
+        x, y, depth_m = x[found], y[found], depth_m[found]
         by_x, by_y = depth_m * to_camera.rotation[0, 1], depth_m * to_camera.rotation[1, 1]
         sigma = _sigma_y_m(camera, by_x, by_y, x, y)
-    optical = np.array((x * depth_m, y * depth_m, depth_m))
+    x *= depth_m
+    y *= depth_m
+    optical = np.array((x, y, depth_m))
     optical -= to_camera.translation[:, None]
     return to_camera.rotation.T @ optical, sigma, found
 
