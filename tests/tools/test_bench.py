@@ -7,6 +7,7 @@ import pytest
 
 from tools.bench import frontier, growth, peers, pictures, reference
 from tools.bench.__main__ import main
+from tools.bench.report import markdown
 from tools.bench.scene import boxes_in_view, reference_line, ticks_at
 from vsensor.error_model import ErrorModelConfig
 from vsensor.sensor import SensorConfig
@@ -117,6 +118,17 @@ def test_a_report_holds_what_was_asked_for(tmp_path, monkeypatch, capsys):
     report = json.loads((tmp_path / "bench.json").read_text())
     assert set(report) == {"machine", "reference", "occlusion"}
     assert "P1's algorithms" in (tmp_path / "bench.md").read_text()
+
+
+def test_a_missed_target_is_called_missed():
+    def page(p50_ms):
+        demo = {"p50_ms": p50_ms, "p99_ms": 3.0, "p50_per_yardstick": 1.0, "target_p50_ms": 2.0}
+        machine = {"processor": "", "cores": 1, "python": "", "numpy": "", "load_average": 0.0}
+        return markdown({"machine": machine, "demo_tick": demo | {"stages_p50_ms": {"camera": 1.0}}})
+
+    assert "1 of 1 targets missed" in page(2.1)
+    assert "| no |" in page(2.1)
+    assert "0 of 1 targets missed" in page(1.9)
 
 
 def test_an_unknown_section_is_refused(capsys):

