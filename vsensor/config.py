@@ -19,7 +19,9 @@ from vsensor.sensor import SensorConfig
 from vsensor.signals import VehicleConfig
 from vsensor.sources import LOG_SUFFIXES, MAP_SUFFIXES
 from vsensor.sources.drive import DriveConfig
-from vsensor.sources.map_drive import EgoConfig, EnvironmentConfig, TrafficConfig
+from vsensor.sources.map_drive import EgoConfig, EnvironmentConfig
+from vsensor.sources.standing import ObstacleConfig
+from vsensor.sources.traffic import TrafficConfig
 from vsensor.state import StateConfig
 from vsensor.tracker import TrackerConfig
 from vsensor.world.laid_road import LaidRoadConfig
@@ -46,6 +48,7 @@ class ScenarioConfig(Config, frozen=True, kw_only=True):
     cycle_ms: Annotated[int, msgspec.Meta(ge=5, le=1000)] = 40
     ego: EgoConfig = EgoConfig()
     traffic: tuple[TrafficConfig, ...] = ()
+    obstacle: tuple[ObstacleConfig, ...] = ()
     environment: EnvironmentConfig = EnvironmentConfig()
     drive: DriveConfig = DriveConfig()
     road: LaidRoadConfig = LaidRoadConfig()

@@ -157,7 +157,9 @@ def build_source(scenario: Scenario) -> Source:
     reach_m = config.scene.range_m
     if path.suffix.lower() in LOG_SUFFIXES:
         return RecordedDrive.load(path, config.drive, config.road, scenario.folder, environment, reach_m)
-    return MapDrive.load(path, config.ego, config.traffic, environment, reach_m)
+    return MapDrive.load(
+        path, config.ego, config.traffic, environment, reach_m, config.obstacle, scenario.folder
+    )
 
 
 def tick_count(scenario: Scenario, source: Source) -> int | None:

@@ -8,7 +8,8 @@ import pytest
 from tests.maps import geometry, lane, loaded, real, road, section
 from tests.shared import needs_shared
 from vsensor.errors import ConfigError, MapError
-from vsensor.sources.map_drive import VEHICLE_SIZES_M, EgoConfig, MapDrive, TrafficConfig
+from vsensor.sources.map_drive import EgoConfig, MapDrive
+from vsensor.sources.traffic import VEHICLE_SIZES_M, TrafficConfig
 from vsensor.transforms import rotation_from_rpy
 from vsensor.types import Environment, Light, Tick
 from vsensor.world.corridor import Corridor

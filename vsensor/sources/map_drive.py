@@ -1,8 +1,6 @@
-"""A drive along a lane of a map, with traffic as boxes beside and ahead."""
+"""A drive along a lane of a map, with traffic beside and ahead, and what stands along the road."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from math import atan2, ceil, floor, hypot, inf
+from math import atan2, floor, hypot, inf
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -12,22 +10,15 @@ import numpy as np
 from vsensor.errors import ConfigError
 from vsensor.schema import Config
 from vsensor.sources import Inputs
+from vsensor.sources.shapes import Shapes
+from vsensor.sources.standing import ObstacleConfig, Standing
+from vsensor.sources.traffic import MPS_PER_KMH, TrafficConfig, vehicle
 from vsensor.transforms import rotation_from_rpy, rpy_from_rotation
 from vsensor.types import Array, EgoState, Environment, Light, Obstacle, Scene, Snapshot, Tick, frozen
 from vsensor.world.corridor import Corridor, Poses
 from vsensor.world.opendrive import load_map
 from vsensor.world.profiles import LinearProfile, Points, SmoothProfile
 from vsensor.world.route import CorridorConfig
-
-MPS_PER_KMH = 1.0 / 3.6
-
-VEHICLE_SIZES_M = {
-    "car": (4.6, 1.8, 1.5),
-    "van": (6.0, 2.0, 2.6),
-    "truck": (16.5, 2.55, 4.0),
-    "motorcycle": (2.2, 0.8, 1.5),
-}
-"""Length, width, height; the truck is the largest articulated vehicle of Directive 96/53/EC."""
 
 BEHIND_M = 20.0
 LONGER_THAN_X = 1.3  # a road that turns by 60 degrees within the range is 1.2 times as long as its x
@@ -65,22 +56,6 @@ class EgoConfig(Config, frozen=True, kw_only=True):
         )
 
 
-class TrafficConfig(Config, frozen=True, kw_only=True):
-    """`[[traffic]]`: a vehicle on a lane beside the ego's, as a box.
-
-    Without `speed_kmh` it keeps `ahead_m` (from the ego's rear axle to the vehicle's centre); with it,
-    `ahead_m` is where it starts, and with `recycle_m` there is one like it every so many metres of road.
-    """
-
-    kind: Literal["car", "van", "truck", "motorcycle"] = "car"
-    lanes_left: Annotated[int, msgspec.Meta(ge=-8, le=8)] = 0
-    ahead_m: Points = 50.0
-    speed_kmh: Points | None = None
-    recycle_m: Annotated[float, msgspec.Meta(ge=100, le=100_000)] | None = None
-    size_m: tuple[float, float, float] | None = None
-    offset_m: float = 0.0
-
-
 class EnvironmentConfig(Config, frozen=True, kw_only=True):
     """`[environment]`: light and rain (0 dry to 1 heaviest)."""
 
@@ -90,32 +65,6 @@ class EnvironmentConfig(Config, frozen=True, kw_only=True):
     def environment(self) -> Environment:
         """Return the value that the scene carries."""
         return Environment(light=Light[self.light.upper()], rain=self.rain)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Vehicle:
-    """A vehicle of the traffic, its motion compiled; `ahead` is None where it has a speed of its own."""
-
-    lanes_left: int
-    offset_m: float
-    size_m: tuple[float, float, float]
-    ahead: LinearProfile | None
-    start_m: float
-    speed: LinearProfile | None
-    recycle_m: float
-
-    def places_m(self, t_s: float, ego_driven_m: float, behind_m: float, ahead_m: float) -> Iterator[float]:
-        """Yield how far ahead of the ego it and its like are at `t_s`, from -behind_m to ahead_m."""
-        if self.speed is None:
-            here_m = self.ahead.value(t_s) if self.ahead is not None else self.start_m
-        else:
-            here_m = self.start_m + self.speed.integral(t_s) - ego_driven_m
-        if self.recycle_m < inf:
-            first = ceil((-behind_m - here_m) / self.recycle_m)
-            last = floor((ahead_m - here_m) / self.recycle_m)
-            yield from (here_m + k * self.recycle_m for k in range(first, last + 1))
-        elif -behind_m <= here_m <= ahead_m:
-            yield here_m
 
 
 class MapDrive:
@@ -128,10 +77,12 @@ class MapDrive:
         traffic: tuple[TrafficConfig, ...] = (),
         environment: Environment | None = None,
         range_m: float = 100.0,
+        obstacles: tuple[ObstacleConfig, ...] = (),
+        folder: Path = Path(),
     ) -> None:
-        """Compile the motion; markings are given at least up to x = `range_m`.
+        """Compile the motion; markings are given at least up to x = `range_m`, files are meant from `folder`.
 
-        Raises ConfigError for motion that cannot be, MapError for a start that is not on the map.
+        Raises ConfigError for motion and shapes that cannot be, MapError for a start that is not on the map.
         """
         ego = ego or EgoConfig()
         self.corridor = corridor
@@ -141,7 +92,9 @@ class MapDrive:
         self._offset = SmoothProfile.of(ego.offset_m, "ego.offset_m")
         if max(map(abs, self._offset.values)) > 20.0:
             raise ConfigError("ego.offset_m: at most 20 m to either side were expected")
-        self._vehicles = tuple(_vehicle(config, number) for number, config in enumerate(traffic))
+        shapes = Shapes(folder)
+        self._vehicles = tuple(vehicle(config, number, shapes) for number, config in enumerate(traffic))
+        self._standing = Standing(corridor, obstacles, shapes, first_id=len(traffic))
         self._environment = environment if environment is not None else Environment()
         self._view_m = LONGER_THAN_X * range_m + BEHIND_M
         self._lane_offsets: dict[tuple[int, int], float] = {}
@@ -154,9 +107,12 @@ class MapDrive:
         traffic: tuple[TrafficConfig, ...],
         environment: Environment,
         range_m: float,
+        obstacles: tuple[ObstacleConfig, ...] = (),
+        folder: Path = Path(),
     ) -> "MapDrive":
         """Load the map and find the start; raises MapError, ConfigError."""
-        return cls(Corridor(load_map(path), ego.corridor()), ego, traffic, environment, range_m)
+        corridor = Corridor(load_map(path), ego.corridor())
+        return cls(corridor, ego, traffic, environment, range_m, obstacles, folder)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -200,7 +156,7 @@ class MapDrive:
         scene = Scene(
             markings=self.corridor.markings_window(*view),
             surface=self.corridor.surface_window(*view),
-            obstacles=self._obstacles(t_s, s_m),
+            obstacles=self._obstacles(t_s, s_m) + self._standing.near(s_m, self._view_m),
             environment=self._environment,
         )
         return None, Snapshot(t_ns=tick.t_ns, ego=self._ego(tick.t_ns, t_s, s_m), scene=scene)
@@ -245,27 +201,28 @@ class MapDrive:
     def _obstacles(self, t_s: float, ego_m: float) -> tuple[Obstacle, ...]:
         """Return the traffic within view as boxes standing on the road."""
         near = [
-            (number, vehicle, ego_m + ahead_m)
-            for number, vehicle in enumerate(self._vehicles)
-            for ahead_m in vehicle.places_m(t_s, ego_m, BEHIND_M + vehicle.size_m[0], self._view_m)
+            (number, one, ego_m + ahead_m)
+            for number, one in enumerate(self._vehicles)
+            for ahead_m in one.places_m(t_s, ego_m, BEHIND_M + one.size_m[0], self._view_m)
             if self.corridor.reaches(ego_m + ahead_m)
         ]
         if not near:
             return ()
-        offsets = [vehicle.offset_m + self._lane_offset(vehicle.lanes_left, s_m) for _, vehicle, s_m in near]
+        offsets = [one.offset_m + self._lane_offset(one.lanes_left, s_m) for _, one, s_m in near]
         poses = self.corridor.poses(np.array([s_m for *_, s_m in near]), np.array(offsets))
         boxes = []
-        for row, (number, vehicle, _) in enumerate(near):
+        for row, (number, one, _) in enumerate(near):
             roll, pitch, yaw = _angles(poses, row)
             up = rotation_from_rpy(roll, pitch, yaw)[:, 2]
             boxes.append(
                 Obstacle(
                     id=number,
-                    centre_world_m=frozen(poses.position_world_m[row] + 0.5 * vehicle.size_m[2] * up),
-                    size_m=vehicle.size_m,
+                    centre_world_m=frozen(poses.position_world_m[row] + 0.5 * one.size_m[2] * up),
+                    size_m=one.size_m,
                     roll_rad=roll,
                     pitch_rad=pitch,
                     yaw_rad=yaw,
+                    mesh=one.mesh,
                 )
             )
         return tuple(boxes)
@@ -302,25 +259,3 @@ def _turned(poses: Poses, turn_rad: float) -> tuple[float, float, float]:
 
 def _angles(poses: Poses, row: int) -> tuple[float, float, float]:
     return float(poses.roll_rad[row]), float(poses.pitch_rad[row]), float(poses.yaw_rad[row])
-
-
-def _vehicle(config: TrafficConfig, number: int) -> _Vehicle:
-    where = f"traffic[{number}]"
-    ahead = LinearProfile.of(config.ahead_m, f"{where}.ahead_m")
-    if config.speed_kmh is None and config.recycle_m is not None:
-        raise ConfigError(f"{where}.recycle_m: only a vehicle with a speed_kmh of its own comes round again")
-    if config.speed_kmh is not None and len(ahead.values) > 1:
-        raise ConfigError(f"{where}.ahead_m: one number was expected, since speed_kmh says how it moves on")
-    size_m = config.size_m or VEHICLE_SIZES_M[config.kind]
-    if min(size_m) <= 0.0 or max(size_m) > 60.0:
-        raise ConfigError(f"{where}.size_m = {list(size_m)}: length, width, height up to 60 m were expected")
-    speed = config.speed_kmh
-    return _Vehicle(
-        lanes_left=config.lanes_left,
-        offset_m=config.offset_m,
-        size_m=size_m,
-        ahead=ahead if speed is None else None,
-        start_m=ahead.values[0],
-        speed=None if speed is None else LinearProfile.of(speed, f"{where}.speed_kmh", MPS_PER_KMH),
-        recycle_m=config.recycle_m if config.recycle_m is not None else inf,
-    )
