@@ -6,7 +6,7 @@
 
 No mesh and no chords: a cross-section lies on the road exactly, and a point of the road is never below
 one that is nearer unless the road hides it. So nothing is hidden falsely; what is missed is how much
-the road rises between two sections, and the lift. The clearance is found at some 200 points and is
+the road rises between two sections, and the lift. The clearance is found at some 150 points and is
 linear between them, which is 20 times less work than all points and as exact as the sections are.
 """
 
@@ -21,7 +21,7 @@ VERGE_M = 3.0
 """The road goes on beside its outermost borders; beyond that what stands there is not known."""
 
 BREAK_M = 1.0  # points farther apart are not of one dash or line
-SAMPLES = 200
+SAMPLES = 120
 _NEAR = 1e-9  # fraction of the sight line that is the point itself, or the camera
 
 
@@ -78,9 +78,16 @@ def _clearance_m(points: Array, sections: Array) -> Array:
     along = along / np.where(length > 0.0, length, np.nan)
     beside = np.array([along[1], -along[0]])
     across = side[:, :2] @ beside
-    t = -(start[:, :2] @ beside) / np.where(across == 0.0, np.nan, across)
-    u = (start[:, :2] @ along + t * (side[:, :2] @ along)) / length
-    above = u * points[:, 2] - (start[:, 2:] + t * side[:, 2:])
-    is_before = (t >= low) & (t <= high) & (u > _NEAR) & (u < 1.0 - _NEAR)
+    across[across == 0.0] = np.nan
+    t = (-start[:, :2] @ beside) / across
+    is_before = (t >= low) & (t <= high)
+    distance = side[:, :2] @ along
+    distance *= t
+    distance += start[:, :2] @ along
+    is_before &= (distance > _NEAR * length) & (distance < (1.0 - _NEAR) * length)
+    distance *= points[:, 2] / np.where(length > 0.0, length, np.nan)
+    t *= side[:, 2:]
+    t += start[:, 2:]
+    above = np.subtract(distance, t, out=distance)
     least: Array = np.where(is_before, above, np.inf).min(axis=0, initial=np.inf)
     return np.minimum(least, 1.0)
