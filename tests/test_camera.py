@@ -8,7 +8,6 @@ import pytest
 
 from tests import p1
 from tests.roads import box, ego, marking, snapshot, straight
-from vsensor.camera import look as camera_module
 from vsensor.camera import (
     SIGMA_FLOOR_M,
     Camera,
@@ -19,6 +18,7 @@ from vsensor.camera import (
     project,
     unproject,
 )
+from vsensor.camera import look as camera_module
 from vsensor.errors import ConfigError
 from vsensor.scene import SceneConfig
 from vsensor.schema import convert
