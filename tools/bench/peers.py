@@ -30,11 +30,13 @@ def occlusion(rounds: int = 25) -> dict[str, object]:
         peers = sides(snapshot, eye_m, points_m)
         answers = {name: work() for name, work in peers.items()}
         times = in_turns(peers, rounds)
+        parts = in_turns(_parts(snapshot, eye_m, points_m), rounds)
     found: dict[str, object] = {
         "points": len(points_m),
         "boxes": len(snapshot.scene.obstacles),
         "hidden": float(answers["p1"].mean()),
         "ms": {name: median(values) for name, values in times.items()},
+        "parts_p50_ms": {name: median(values) for name, values in parts.items()},
         "unlike_p1": {name: float((answer != answers["p1"]).mean()) for name, answer in answers.items()},
         "times_faster_than": {name: ratio(times[name], times["ours"]) for name in times if name != "ours"},
         "targets": TARGETS,
@@ -70,6 +72,17 @@ def sides(snapshot: Snapshot, eye_m: Array, points_m: Array) -> dict[str, Callab
         return works
     works["open3d"] = lambda: _open3d_hidden(open3d, eye_m, points_m, _frames(pose, obstacles))
     return works
+
+
+def _parts(snapshot: Snapshot, eye_m: Array, points_m: Array) -> dict[str, Callable[[], object]]:
+    """Return what ours consists of, and the other test that it could take."""
+    pose, obstacles = world_from_ego(snapshot.ego), snapshot.scene.obstacles
+    apart_m, boxes = np.ascontiguousarray(points_m.T).T, raycast.boxes_in(pose, obstacles)
+    return {
+        "boxes of obstacles": lambda: raycast.boxes_in(pose, obstacles),
+        "shadow test": lambda: raycast.hidden(eye_m, apart_m, boxes, "shadow"),
+        "embree with rebuild, in its place": lambda: raycast.hidden(eye_m, apart_m, boxes, "embree"),
+    }
 
 
 def _frames(pose, obstacles: tuple[Obstacle, ...]) -> list[tuple[Array, Array, Array]]:

@@ -208,6 +208,7 @@ TARGETS = {
 SECTIONS = {
     "demo_tick": lambda demo: "## The demo tick\n\n" + _stages(demo["stages_p50_ms"]),
     "reference": _reference_page,
+    "occlusion": lambda found: "## Occlusion in the reference scene\n\n" + _stages(found["parts_p50_ms"]),
     "frontier": _frontier_page,
     "growth": _growth_page,
     "hard_cases": _hard_page,
