@@ -89,10 +89,11 @@ def test_a_log_holds_just_what_was_sent(capsys, tmp_path, suffix):
     np.testing.assert_array_equal(table.data[:, :8], expected.data[:, :8])
 
 
+@pytest.mark.timing
 def test_fast_and_real_time_send_the_same_frames_bit_for_bit(capsys, tmp_path):
     files = tmp_path / "fast.log", tmp_path / "real.log"
     vsensor(capsys, "run", "--fast", "--duration", 2, "--log", files[0])
-    for _ in range(3):  # a busy machine may drop a slot; then the comparison says nothing
+    for _ in range(5):  # a busy machine may drop a slot; then the comparison says nothing
         _, out, _ = vsensor(capsys, "run", "--bus", "virtual:same", "--duration", 2, "--log", files[1])
         if "slots dropped 0" in out:
             break
