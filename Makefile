@@ -7,13 +7,14 @@ export PYTHON
 VENV_DEPENDS = pyproject.toml constraints.txt
 VCAN_PACKAGES = user-mode-linux kmod iproute2 can-utils
 C_PACKAGES = gcc libc6-dev
+BROWSER_PACKAGES = chromium
 DURATION ?= 15
 
 .PHONY: help run vcan install test lint bench clean
 help:
 	@echo "make run      install the core, run the highway scenario for $(DURATION) s"
 	@echo "make vcan     the same on a real vcan, with candump beside it"
-	@echo "make install  install everything: all extras, Debian packages for vcan and C"
+	@echo "make install  install everything: all extras, Debian packages for vcan, C and browser"
 	@echo "make test     run all tests, those of the bus on a real vcan"
 	@echo "make lint     style, format, types"
 	@echo "make bench    measure"
@@ -27,7 +28,7 @@ vcan: .venv/core
 	tools/vcan tools/show_vcan --duration $(DURATION)
 
 install: .venv/test
-	@tools/debian $(VCAN_PACKAGES) $(C_PACKAGES)
+	@tools/debian $(VCAN_PACKAGES) $(C_PACKAGES) $(BROWSER_PACKAGES)
 
 test: .venv/test
 	@tools/debian $(VCAN_PACKAGES) $(C_PACKAGES)
