@@ -190,6 +190,24 @@ def test_slots_that_messages_do_not_fit_in_are_told(capsys, tmp_path, cycle_ms, 
     assert (f"finding: cycle_ms = {cycle_ms}" in out) == is_uneven
 
 
+@pytest.mark.timing
+def test_sinks_that_open_slowly_cost_no_slot_and_the_log_knows_when_slot_0_was(capsys, tmp_path, monkeypatch):
+    from vsensor import run as run_module
+
+    open_sinks = run_module._sinks
+
+    def slowly(*arguments):
+        time.sleep(0.6)
+        return open_sinks(*arguments)
+
+    monkeypatch.setattr(run_module, "_sinks", slowly)
+    log, before_s = tmp_path / "out.log", time.time()
+    _, out, _ = vsensor(capsys, "run", "--bus", "virtual:slow", "--duration", 1, "--log", log)
+    assert "slots dropped 0" in out
+    first_s = float(log.read_text()[1:18])
+    assert before_s + 0.6 < first_s < time.time() - 0.9
+
+
 # --- decode, score, check -----------------------------------------------------------------------------
 
 

@@ -22,8 +22,8 @@ from vsensor.types import Tick
 
 Say = Callable[[str], None]
 
-START_UP_NS = 300_000_000
-"""Time between the end of loading and slot 0: the sinks open, the live table starts its process."""
+START_UP_NS = 100_000_000
+"""Time between the end of loading and slot 0: the first tick is computed, the live table starts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,9 +62,7 @@ def run_scenario(
         _keep_memory()
         _warm_up(line, period_ns)
         clock: Clock = SimulatedClock() if options.fast else MonotonicClock()
-        start_ns = clock.now_ns() + START_UP_NS
-        epoch_ns = epoch_offset_ns() + (MonotonicClock().now_ns() if options.fast else start_ns)
-        sinks = _sinks(scenario, options, line, epoch_ns, stack)
+        sinks = _sinks(scenario, options, line, stack)
         if bus is not None:
             say(f"sending on {bus.name} {_rhythm(line)}, profile {line.profile.name}")
             if bus.remark:
@@ -75,6 +73,8 @@ def run_scenario(
         gc.collect()
         gc.freeze()  # what is loaded now stays: the collector need not look at it in the cycle
         stack.callback(gc.unfreeze)
+        start_ns = clock.now_ns() + START_UP_NS
+        _tell_start(sinks, epoch_offset_ns() + (MonotonicClock().now_ns() if options.fast else start_ns))
         summary = run_loop(
             line,
             clock,
@@ -142,7 +142,7 @@ def _bus(options: RunOptions, line: Line) -> FrameBus | None:
 
 
 def _sinks(
-    scenario: Scenario, options: RunOptions, line: Line, epoch_ns: int, stack: contextlib.ExitStack
+    scenario: Scenario, options: RunOptions, line: Line, stack: contextlib.ExitStack
 ) -> Sequence[Sink]:
     """Open the sinks; each is closed when the stack unwinds, the table first.
 
@@ -173,7 +173,7 @@ def _sinks(
     if options.log is not None:
         from vsensor.sinks.log import LogSink
 
-        sinks.append(LogSink(options.log, epoch_ns))
+        sinks.append(LogSink(options.log))
         stack.callback(sinks[-1].close)
     if options.trace is not None:
         from vsensor.sinks.trace import TraceSink
@@ -201,6 +201,15 @@ def _sinks(
         sinks.append(TableSink())
         stack.callback(sinks[-1].close)
     return sinks
+
+
+def _tell_start(sinks: Sequence[Sink], epoch_ns: int) -> None:
+    """Tell the log when slot 0 is; opening sinks takes up to a second, so it is not known before."""
+    from vsensor.sinks.log import LogSink
+
+    for sink in sinks:
+        if isinstance(sink, LogSink):
+            sink.starts_at(epoch_ns)
 
 
 def _warm_up(line: Line, period_ns: int) -> None:
