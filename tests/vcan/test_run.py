@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.vcan.listening import candump
+
 REPOSITORY = Path(__file__).parents[2]
 DBC = REPOSITORY / "dbc" / "lds.dbc"
 READER = REPOSITORY / "tools" / "independent_reader.py"
@@ -24,30 +26,10 @@ def cantools_program():
 def recorded(folder, *words, seconds):
     """Run `vsensor run` on vcan0 with candump beside it; returns its output and both logs."""
     seen, sent = folder / "seen.log", folder / "sent.log"
-    with seen.open("w") as file:
-        candump = subprocess.Popen(["candump", "-L", "vcan0"], stdout=file)
-        try:
-            time.sleep(0.5)  # candump gives no sign that its socket is open
-            run = subprocess.run(
-                [
-                    sys.executable,
-                    "-m",
-                    "vsensor.cli",
-                    "run",
-                    "--duration",
-                    str(seconds),
-                    "--log",
-                    sent,
-                    *words,
-                ],
-                capture_output=True,
-                text=True,
-                check=True,
-            )
-            time.sleep(0.3)
-        finally:
-            candump.terminate()
-            candump.wait()
+    command = [sys.executable, "-m", "vsensor.cli", "run", "--duration", str(seconds), "--log", sent, *words]
+    with seen.open("w") as file, candump("vcan0", file):
+        run = subprocess.run(command, capture_output=True, text=True, check=True)
+        time.sleep(0.3)  # candump writes what it heard a moment later
     return run, seen, sent
 
 
