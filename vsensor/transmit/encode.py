@@ -1,8 +1,4 @@
-"""Signal values into frames, once per send slot: which messages are due, their bytes, counters, CRCs.
-
-A message is due at its start delay and every cycle time after it, counted from t = 0 in slots; so a slot
-that was dropped (transmit was not called, or its state not kept) leaves the alive counters where they are.
-"""
+"""Signal values on the bus into raw bits, and those into the bytes of frames."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -13,22 +9,11 @@ from typing import Any
 import numpy as np
 
 from vsensor.codec import Layout, SignalLayout, excess_range, float_bits, pack
-from vsensor.e2e import next_counter
 from vsensor.errors import ConfigError, DbcError
 from vsensor.profile import Binding, MessagePlan, Profile
-from vsensor.signals import VehicleConfig, to_bus
-from vsensor.types import Array, BoolArray, Frame, IntArray, SignalValues, Tick
+from vsensor.types import Array, BoolArray, Frame, IntArray, SignalValues
 
 _WIDEST_EXACT_BITS = 52  # a float64 holds such integers and their halves
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TransmitState:
-    """Next alive counter of each message, frames sent, and how often each signal was saturated."""
-
-    counters: tuple[int, ...]
-    frames: int
-    saturated: Mapping[str, int]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,16 +27,14 @@ class _Message:
     counter_shift: int
 
 
-class Transmitter:
-    """A profile compiled for sending; immutable.
+class Encoder:
+    """A profile compiled for encoding; immutable.
 
     All signals that are plain numbers are rounded in one go in numpy; tables, floats and signals of more
     than 52 bits one by one. Raises ConfigError for what cannot be sent.
     """
 
-    def __init__(self, profile: Profile, vehicle: VehicleConfig, camera_x_m: float | None = None) -> None:
-        self.profile, self.vehicle, self.camera_x_m = profile, vehicle, camera_x_m
-        to_bus(profile.geometry, vehicle, _nothing(profile), camera_x_m)  # a missing camera is told here
+    def __init__(self, profile: Profile) -> None:
         bindings = [(plan, b) for plan in profile.messages for b in plan.bindings]
         _require_sendable(profile, bindings)
         fast = [item for item in bindings if _is_plain(item[1])]
@@ -79,41 +62,9 @@ class Transmitter:
             raws.append(raw & ((1 << validity.signal.length) - 1))
         return raws, saturated
 
-
-def initial_state(transmitter: Transmitter) -> TransmitState:
-    """Return the state before the first frame: all counters start at 0."""
-    return TransmitState(counters=(0,) * len(transmitter.messages), frames=0, saturated={})
-
-
-def transmit(
-    transmitter: Transmitter, state: TransmitState, values: SignalValues, slot: Tick
-) -> tuple[TransmitState, tuple[Frame, ...]]:
-    """Return the frames that are due in this slot, in the profile's order, all due at the slot's time."""
-    due = [k for k, message in enumerate(transmitter.messages) if is_due(message.plan, slot)]
-    if not due:
-        return state, ()
-    on_bus = to_bus(transmitter.profile.geometry, transmitter.vehicle, values, transmitter.camera_x_m)
-    raws, saturated = transmitter.raws(on_bus)
-    counters = list(state.counters)
-    frames = []
-    for k in due:
-        message = transmitter.messages[k]
-        frames.append(_frame(message, raws, counters[k], slot.t_ns))
-        if message.plan.guard is not None:
-            counters[k] = next_counter(message.plan.guard.protection, counters[k])
-    after = TransmitState(
-        counters=tuple(counters), frames=state.frames + len(frames), saturated=_counted(state, saturated)
-    )
-    return after, tuple(frames)
-
-
-def is_due(plan: MessagePlan, slot: Tick) -> bool:
-    """Return whether the message has a send time within (slot before, this slot], counted from t = 0."""
-    elapsed_ns = slot.index * slot.period_ns - plan.start_delay_ns
-    if elapsed_ns < 0:
-        return False
-    before_ns = elapsed_ns - slot.period_ns
-    return before_ns < 0 or elapsed_ns // plan.cycle_ns != before_ns // plan.cycle_ns
+    def frame(self, place: int, raws: Sequence[int], counter: int, due_ns: int) -> Frame:
+        """Return the frame of the message at `place` in the profile, with this alive counter."""
+        return _frame(self.messages[place], raws, counter, due_ns)
 
 
 def _frame(message: _Message, raws: Sequence[int], counter: int, due_ns: int) -> Frame:
@@ -143,18 +94,6 @@ def _frame(message: _Message, raws: Sequence[int], counter: int, due_ns: int) ->
     )
 
 
-def _counted(state: TransmitState, saturated: Sequence[str]) -> Mapping[str, int]:
-    if not saturated:
-        return state.saturated
-    counts = dict(state.saturated)
-    for name in saturated:
-        counts[name] = counts.get(name, 0) + 1
-    return counts
-
-
-# ---- compiling -------------------------------------------------------------------------------------
-
-
 def _require_sendable(profile: Profile, bindings: Sequence[tuple[MessagePlan, Binding]]) -> None:
     if profile.role != "sensor":
         raise ConfigError(
@@ -167,10 +106,6 @@ def _require_sendable(profile: Profile, bindings: Sequence[tuple[MessagePlan, Bi
         if excess := excess_range(binding.signal):
             where = f"{profile.database}: {plan.layout.name}.{binding.signal.name}"
             raise DbcError(f"{where}: {excess}; nobody can tell what an ECU reads there: mend the database")
-
-
-def _nothing(profile: Profile) -> SignalValues:
-    return dict.fromkeys(profile.quantities(), math.nan)
 
 
 def _is_plain(binding: Binding) -> bool:
