@@ -98,6 +98,13 @@ QUANTITIES: Mapping[str, Quantity] = {
     "ego.steering_wheel_rad": Quantity(
         unit="rad", meaning="angle of the steering wheel, positive to the left"
     ),
+    "ego.steering_request_rad": Quantity(
+        unit="rad", meaning="angle of the front wheels that an ECU asks for, positive to the left"
+    ),
+    "ego.x_m": Quantity(unit="m", meaning="x (east) of the vehicle in the world, rear axle, on the road"),
+    "ego.y_m": Quantity(unit="m", meaning="y (north) of the vehicle in the world"),
+    "ego.z_m": Quantity(unit="m", meaning="z (up) of the vehicle in the world; without it the road's height"),
+    "ego.yaw_rad": Quantity(unit="rad", meaning="heading in the world, 0 to the east, positive to the left"),
     "ego.wiper": Quantity(unit="", meaning="wiper", codes=Wiper),
     "ego.low_beam": Quantity(unit="", meaning="1 if the low beam is on"),
     "ego.light": Quantity(unit="", meaning="light outside as the vehicle measures it", codes=Light),
