@@ -1,7 +1,7 @@
 """Signal values on the bus into raw bits, and those into the bytes of frames."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any
@@ -62,9 +62,19 @@ class Encoder:
             raws.append(raw & ((1 << validity.signal.length) - 1))
         return raws, saturated
 
-    def frame(self, place: int, raws: Sequence[int], counter: int, due_ns: int) -> Frame:
-        """Return the frame of the message at `place` in the profile, with this alive counter."""
-        return _frame(self.messages[place], raws, counter, due_ns)
+    def frames(
+        self, due: Iterable[int], raws: Sequence[int], counters: Sequence[int], due_ns: int
+    ) -> tuple[list[Frame], tuple[int, ...]]:
+        """Return the frames of the messages `due` (places in the profile), in order, and the counters after.
+
+        `counters`: of each message of the profile, how many frames of it were sent before; the alive counter
+        is that modulo its states.
+        """
+        after, frames = list(counters), []
+        for place in due:
+            frames.append(_frame(self.messages[place], raws, after[place], due_ns))
+            after[place] += 1
+        return frames, tuple(after)
 
 
 def _frame(message: _Message, raws: Sequence[int], counter: int, due_ns: int) -> Frame:
@@ -80,7 +90,7 @@ def _frame(message: _Message, raws: Sequence[int], counter: int, due_ns: int) ->
     if guard is None:
         data = word.to_bytes(layout.length, "little")
     else:
-        word |= counter << message.counter_shift
+        word |= counter % guard.protection.counter_states << message.counter_shift
         payload = bytearray(word.to_bytes(layout.length, "little"))
         guard.protection.protect(payload, guard.data_id, guard.offset)
         data = bytes(payload)

@@ -4,7 +4,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from vsensor.e2e import next_counter
 from vsensor.profile import Profile
 from vsensor.signals import VehicleConfig, to_bus
 from vsensor.transmit.encode import Encoder
@@ -14,7 +13,7 @@ from vsensor.types import Frame, SignalValues, Tick
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TransmitState:
-    """Next alive counter of each message, frames sent, and how often each signal was saturated."""
+    """Frames sent of each message and of all, and how often each signal was saturated."""
 
     counters: tuple[int, ...]
     frames: int
@@ -50,15 +49,9 @@ def transmit(
     encoder = transmitter.encoder
     on_bus = to_bus(transmitter.profile.geometry, transmitter.vehicle, values, transmitter.camera_x_m)
     raws, saturated = encoder.raws(on_bus)
-    counters = list(state.counters)
-    frames = []
-    for k in due:
-        frames.append(encoder.frame(k, raws, counters[k], slot.t_ns))
-        guard = plans[k].guard
-        if guard is not None:
-            counters[k] = next_counter(guard.protection, counters[k])
+    frames, counters = encoder.frames(due, raws, state.counters, slot.t_ns)
     after = TransmitState(
-        counters=tuple(counters), frames=state.frames + len(frames), saturated=_counted(state, saturated)
+        counters=counters, frames=state.frames + len(frames), saturated=_counted(state, saturated)
     )
     return after, tuple(frames)
 
