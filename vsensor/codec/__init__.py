@@ -13,11 +13,21 @@ clip: many are placeholders). SNA is the raw value that says "signal not availab
 """
 
 from vsensor.codec.audit import audit, excess_range, overlaps
-from vsensor.codec.bulk import decode_bulk
-from vsensor.codec.frame import decode, encode, float_bits, pack, quantise, to_physical, unpack
+from vsensor.codec.bulk import BulkReader, decode_bulk
+from vsensor.codec.frame import (
+    decode,
+    encode,
+    float_bits,
+    number_range,
+    pack,
+    quantise,
+    to_physical,
+    unpack,
+)
 from vsensor.codec.layout import Database, Layout, SignalLayout, load_database
 
 __all__ = [
+    "BulkReader",
     "Database",
     "Layout",
     "SignalLayout",
@@ -28,6 +38,7 @@ __all__ = [
     "excess_range",
     "float_bits",
     "load_database",
+    "number_range",
     "overlaps",
     "pack",
     "quantise",

@@ -13,11 +13,11 @@ def decode_bulk(layout: Layout, data: CodeArray, names: tuple[str, ...] | None =
 
     NaN where a multiplexed signal is not in the frame.
     """
-    reader = _BulkReader(layout, data)
+    reader = BulkReader(layout, data)
     return {name: reader.physical(name) for name in (names if names is not None else layout.signals)}
 
 
-class _BulkReader:
+class BulkReader:
     """Reads columns of one message; 8-byte windows are read once per place and byte order."""
 
     def __init__(self, layout: Layout, data: CodeArray) -> None:

@@ -13,18 +13,28 @@ _FLOAT_LARGEST = {16: 65504.0, 32: (2 - 2**-23) * 2.0**127, 64: (2 - 2**-52) * 2
 def quantise(signal: SignalLayout, physical: float) -> tuple[int, bool]:
     """Return the raw value of a physical one, and whether it was saturated; NaN gives SNA or the start value.
 
-    Rounds half to even. A number never becomes the SNA value: its neighbour is taken.
+    Rounds half to even. A number never becomes SNA or a reserved value: a neighbour is taken.
     """
     if math.isnan(physical):
         return int(signal.sna_raw if signal.sna_raw is not None else signal.start_raw), False
     scaled = (physical - signal.offset) / signal.scale
-    low, high = signal.raw_min, signal.raw_max
-    low += signal.sna_raw == low
-    high -= signal.sna_raw == high
+    low, high = number_range(signal)
     if not low - 0.5 <= scaled <= high + 0.5:
         return (low if scaled < low else high), True
-    raw = min(max(_round(signal, physical, scaled), low), high)
-    return (raw + 1, True) if raw == signal.sna_raw else (raw, False)
+    rounded = raw = min(max(_round(signal, physical, scaled), low), high)
+    while raw in signal.codes and raw < high:
+        raw += 1
+    return raw, raw != rounded
+
+
+def number_range(signal: SignalLayout) -> tuple[int, int]:
+    """Return the lowest and highest raw value that is a number: SNA and reserved values at the ends are none."""
+    low, high = signal.raw_min, signal.raw_max
+    while low in signal.codes and low < high:
+        low += 1
+    while high in signal.codes and low < high:
+        high -= 1
+    return low, high
 
 
 def _round(signal: SignalLayout, physical: float, scaled: float) -> int:
@@ -62,14 +72,7 @@ def unpack(layout: Layout, data: bytes) -> dict[str, int]:
     for name, signal in layout.signals.items():
         raw = ((big if signal.big_endian else little) >> signal.shift) & ((1 << signal.length) - 1)
         raws[name] = raw - (1 << signal.length) if signal.signed and raw >> (signal.length - 1) else raw
-    return {name: raw for name, raw in raws.items() if _selected(layout, layout.signals[name], raws)}
-
-
-def _selected(layout: Layout, signal: SignalLayout, raws: Mapping[str, int]) -> bool:
-    if signal.mux_signal is None:
-        return True
-    parent = layout.signals[signal.mux_signal]
-    return raws[parent.name] in signal.mux_ids and _selected(layout, parent, raws)
+    return {name: raw for name, raw in raws.items() if layout.is_present(layout.signals[name], raws)}
 
 
 def encode(layout: Layout, values: Mapping[str, float]) -> tuple[bytearray, tuple[str, ...]]:
@@ -87,7 +90,7 @@ def encode(layout: Layout, values: Mapping[str, float]) -> tuple[bytearray, tupl
             raws[name], clipped = int(signal.start_raw), False
         if clipped:
             saturated.append(name)
-    selected = {n: raw for n, raw in raws.items() if _selected(layout, layout.signals[n], raws)}
+    selected = {n: raw for n, raw in raws.items() if layout.is_present(layout.signals[n], raws)}
     return pack(layout, selected), tuple(saturated)
 
 

@@ -1,5 +1,6 @@
 """Bus descriptions compiled into our own layouts; the only importer of cantools."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +22,8 @@ class SignalLayout:
     `shift` is its place in the message's integer of its byte order (see the module). `start` is the
     description's own start bit. `raw_min` and `raw_max` are what the bits hold; `minimum` and `maximum`
     the declared physical range, None if there is none. `start_raw` is sent before there is a value,
-    `sna_raw` when there is none. A multiplexed signal is present when `mux_signal` has one of `mux_ids`.
+    `sna_raw` when there is none; `reserved` are other raw values that say something else than a number.
+    A multiplexed signal is present when `mux_signal` has one of `mux_ids`.
     """
 
     name: str
@@ -42,6 +44,7 @@ class SignalLayout:
     sna_raw: int | None
     mux_signal: str | None
     mux_ids: frozenset[int]
+    reserved: tuple[int, ...] = ()
 
     @property
     def raw_min(self) -> int:
@@ -53,6 +56,11 @@ class SignalLayout:
         """Largest raw integer of the bits."""
         return (1 << (self.length - self.signed)) - 1
 
+    @property
+    def codes(self) -> frozenset[int]:
+        """The raw values that are no numbers: SNA and what is reserved."""
+        return frozenset(self.reserved if self.sna_raw is None else (self.sna_raw, *self.reserved))
+
     def physical(self, raw: float) -> float:
         """Return the physical value of a raw one."""
         return float(raw * self.scale + self.offset)
@@ -62,7 +70,8 @@ class SignalLayout:
 class Layout:
     """One message: identity, signals, and what its attributes say about sending and protection.
 
-    Times in milliseconds, 0 = not given; `send_type` "" = not given; `e2e_profile` "" = unprotected.
+    Times in milliseconds, 0 = not given; `send_type` "" = not given; `e2e_profile` "" = unprotected,
+    `e2e_data_id` one or a list of them; `bitrate_switch` None = not given.
     """
 
     name: str
@@ -77,7 +86,20 @@ class Layout:
     start_delay_ms: int
     send_type: str
     e2e_profile: str
-    e2e_data_id: int | None
+    e2e_data_id: int | tuple[int, ...] | None
+    bitrate_switch: bool | None = None
+
+    @property
+    def muxers(self) -> frozenset[str]:
+        """Names of the signals that say which others are in the frame."""
+        return frozenset(s.mux_signal for s in self.signals.values() if s.mux_signal is not None)
+
+    def is_present(self, signal: SignalLayout, raws: Mapping[str, int]) -> bool:
+        """Return whether a frame whose multiplexers have these raw values carries the signal."""
+        if signal.mux_signal is None:
+            return True
+        parent = self.signals[signal.mux_signal]
+        return raws.get(parent.name) in signal.mux_ids and self.is_present(parent, raws)
 
     def low_bit(self, signal: SignalLayout) -> int:
         """Return the place of a signal's lowest bit, counted from bit 0 of byte 0 upwards."""
@@ -114,8 +136,7 @@ def load_database(path: Path) -> Database:
 
 def _layout(message: Any, path: Path) -> Layout:
     signals = {s.name: _signal(s, message, path) for s in message.signals}
-    data_id = _attribute(message, "E2EDataId")
-    e2e_profile = str(_attribute(message, "E2EProfile") or "")
+    e2e_profile, data_id = _e2e(message)
     return Layout(
         name=message.name,
         arbitration_id=message.frame_id,
@@ -129,8 +150,27 @@ def _layout(message: Any, path: Path) -> Layout:
         start_delay_ms=int(_attribute(message, "GenMsgStartDelayTime") or 0),
         send_type=str(message.send_type or ""),
         e2e_profile=e2e_profile,
-        e2e_data_id=int(data_id) if data_id is not None and e2e_profile else None,
+        e2e_data_id=data_id,
+        bitrate_switch=_bitrate_switch(message),
     )
+
+
+def _e2e(message: Any) -> tuple[str, int | tuple[int, ...] | None]:
+    """Return profile and data id from the attributes of a DBC, or from the properties of an ARXML."""
+    name, data_id = str(_attribute(message, "E2EProfile") or ""), _attribute(message, "E2EDataId")
+    if name:
+        return name, int(data_id) if data_id is not None else None
+    autosar = getattr(message.autosar, "e2e", None)
+    number = re.fullmatch(r"(?:PROFILE|E2E)_?0*(\d+)", str(getattr(autosar, "category", "")).upper())
+    if autosar is None or number is None:
+        return "", None
+    ids = tuple(int(one) for one in autosar.data_ids or ())
+    return f"P{int(number[1]):02d}", (ids[0] if len(ids) == 1 else ids) or None
+
+
+def _bitrate_switch(message: Any) -> bool | None:
+    switch = _attribute(message, "CANFD_BRS")
+    return None if switch is None else str(switch) not in ("0", "")
 
 
 def _signal(signal: Any, message: Any, path: Path) -> SignalLayout:
