@@ -28,7 +28,7 @@ def quantise(signal: SignalLayout, physical: float) -> tuple[int, bool]:
 
 
 def number_range(signal: SignalLayout) -> tuple[int, int]:
-    """Return the lowest and highest raw value that is a number: SNA and reserved values at the ends are none."""
+    """Return the lowest and highest raw value that is a number: SNA and reserved values are none."""
     low, high = signal.raw_min, signal.raw_max
     while low in signal.codes and low < high:
         low += 1

@@ -1,19 +1,13 @@
 """Profiles: which model quantity each signal of a bus carries, both ways."""
 
-from vsensor.profile.compiled import (
-    Binding,
-    Column,
-    Guard,
-    MessagePlan,
-    Profile,
-    Validity,
-    quantisation_error_m,
-)
+from vsensor.profile.binding import Binding, Part, Validity
+from vsensor.profile.compiled import Column, Guard, MessagePlan, Profile, quantisation_error_m
 from vsensor.profile.config import GeometryConfig, ProfileConfig
 from vsensor.profile.load import SCHEMA, load_profile, load_profiles, shipped_profiles
-from vsensor.profile.quantities import QUANTITIES, UNITS, Indicator, LaneChange, Quantity, Wiper
+from vsensor.profile.quantities import LINES, QUANTITIES, UNITS, Indicator, LaneChange, Quantity, Wiper
 
 __all__ = [
+    "LINES",
     "QUANTITIES",
     "SCHEMA",
     "UNITS",
@@ -24,6 +18,7 @@ __all__ = [
     "Indicator",
     "LaneChange",
     "MessagePlan",
+    "Part",
     "Profile",
     "ProfileConfig",
     "Quantity",

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping
 
 from vsensor.codec import Layout, SignalLayout, float_bits, quantise
 from vsensor.errors import ConfigError
-from vsensor.profile.compiled import Binding, Validity
+from vsensor.profile.binding import Binding, Validity
 from vsensor.profile.config import ProfileConfig, SignalConfig
-from vsensor.profile.quantities import QUANTITIES, UNITS, Quantity
+from vsensor.profile.quantities import LINES, QUANTITIES, UNITS, Quantity
 
 
 def hint(wrong: str, known: Iterable[str]) -> str:
@@ -39,13 +39,9 @@ def binding_of(profile: ProfileConfig, signal: SignalLayout, config: SignalConfi
     quantity = quantity_of(name, where)
     if config.factor == 0:
         raise ConfigError(f"{where}: factor = 0: a number other than 0 was expected")
-    if config.sna is not None:
-        if not signal.raw_min <= config.sna <= signal.raw_max:
-            raise ConfigError(
-                f"{where}: sna = {config.sna}: the bits hold {signal.raw_min} to {signal.raw_max}"
-            )
-        signal = dataclasses.replace(signal, sna_raw=config.sna)
-    mirrored = quantity.lateral and profile.geometry.positive == "right"
+    signal, error, init = _with_codes(signal, config, where)
+    sign = _side_sign(name, quantity, where) if config.magnitude else 0.0
+    mirrored = quantity.lateral and profile.geometry.positive == "right" and not sign
     size = _unit_size(signal, quantity, config, where)
     if name.endswith(".heading") and size != 1.0 and profile.geometry.heading == "slope":
         raise ConfigError(f'{where}: a slope has no angular unit; give geometry.heading = "angle"')
@@ -59,7 +55,41 @@ def binding_of(profile: ProfileConfig, signal: SignalLayout, config: SignalConfi
         wrap=1 << signal.length if config.wrap else 0,
         raw_of_code=codes,
         other_raw=other,
+        magnitude_sign=sign,
+        error_raw=error,
+        init_raw=init,
     )
+
+
+def _with_codes(
+    signal: SignalLayout, config: SignalConfig, where: str
+) -> tuple[SignalLayout, int | None, int | None]:
+    """Return the signal knowing which raw values are no numbers, and those for error and init."""
+    given = {key: getattr(config, key) for key in ("sna", "error", "init")}
+    if signal.is_float and (wrong := [key for key, raw in given.items() if raw is not None]):
+        raise ConfigError(f"{where}: {wrong[0]} is a raw integer, but this signal is a float")
+    raws = {
+        key: None if raw is None else _raw_choice(signal, raw, f"{where}: {key}")
+        for key, raw in given.items()
+    }
+    reserved = tuple(raw for key, raw in raws.items() if raw is not None and key != "sna")
+    sna = raws["sna"] if raws["sna"] is not None else signal.sna_raw
+    if len({sna, *reserved}) > signal.raw_max - signal.raw_min:
+        raise ConfigError(f"{where}: sna, error and init leave no raw value for a number")
+    if config.table is not None or (sna is None and not reserved):
+        return dataclasses.replace(signal, sna_raw=sna), raws["error"], raws["init"]
+    return dataclasses.replace(signal, sna_raw=sna, reserved=reserved), raws["error"], raws["init"]
+
+
+def _side_sign(name: str, quantity: Quantity, where: str) -> float:
+    """Return the model's sign of a line's distance: the side tells what a magnitude leaves out."""
+    side, _, what = name.partition(".")
+    if what not in ("offset_m", "lane_offset_m") or not quantity.lateral or side == "centre":
+        raise ConfigError(
+            f"{where}: magnitude: the sign of {name} cannot be told from its side; "
+            "offset_m and lane_offset_m of a line can"
+        )
+    return 1.0 if side.endswith("left") else -1.0
 
 
 def _codes(
@@ -116,15 +146,21 @@ def _raw_choice(signal: SignalLayout, value: int | str, where: str) -> int:
 
 
 def validity_of(signal: SignalLayout, config: SignalConfig, where: str) -> Validity:
-    """Return what a validity signal says."""
-    quantity_of(str(config.valid_of), where)
+    """Return what a validity signal says; a line's name stands for all its quantities."""
+    named = (config.valid_of,) if isinstance(config.valid_of, str) else config.valid_of or ()
+    if not named:
+        raise ConfigError(f"{where}: valid_of names nothing; a quantity or a line was expected")
+    for name in named:
+        if name not in LINES:
+            quantity_of(name, where)
     for raw in (config.valid_raw, config.invalid_raw):
         _raw_choice(signal, raw, where)
     if config.valid_raw == config.invalid_raw:
         raise ConfigError(f"{where}: valid_raw and invalid_raw are both {config.valid_raw}")
     return Validity(
         signal=signal,
-        quantity=str(config.valid_of),
+        of=named,
+        needs=tuple(f"{name}.offset_m" if name in LINES else name for name in named),
         valid_raw=config.valid_raw,
         invalid_raw=config.invalid_raw,
     )

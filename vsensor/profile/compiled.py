@@ -8,54 +8,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from vsensor.codec import Layout, SignalLayout, decode_bulk, quantise, to_physical, unpack
+from vsensor.codec import BulkReader, Layout, SignalLayout, unpack
 from vsensor.e2e import Protection
+from vsensor.profile.binding import Binding, Validity
 from vsensor.profile.config import GeometryConfig
-from vsensor.types import SIDE_NAMES, Array, BoolArray, CodeArray, Frame, IntArray
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Binding:
-    """A signal that carries a quantity: bus value = quantity * gain + bias, modulo `wrap` if that is not 0.
-
-    `raw_of_code` maps enumeration codes to raw values, None for numbers; `other_raw` is for other codes.
-    """
-
-    signal: SignalLayout
-    quantity: str
-    gain: float = 1.0
-    bias: float = 0.0
-    wrap: int = 0
-    raw_of_code: Mapping[int, int] | None = None
-    other_raw: int | None = None
-
-    def raw(self, value: float) -> tuple[int, bool]:
-        """Return the raw value of a quantity, and whether it was saturated."""
-        if self.raw_of_code is not None and not math.isnan(value):
-            code = int(value) if math.isfinite(value) else None
-            raw = self.raw_of_code.get(code, self.other_raw) if code is not None else self.other_raw
-            return quantise(self.signal, math.nan) if raw is None else (raw, False)
-        if self.wrap and math.isfinite(value):
-            value = math.fmod(math.floor(value), self.wrap)
-        return quantise(self.signal, value * self.gain + self.bias)
-
-    def value(self, raw: int) -> float:
-        """Return the quantity of a raw value; NaN for SNA and for raw values outside the table."""
-        if raw == self.signal.sna_raw and not self.signal.is_float:
-            return math.nan
-        if self.raw_of_code is not None:
-            return next((float(code) for code, known in self.raw_of_code.items() if known == raw), math.nan)
-        return (to_physical(self.signal, raw) - self.bias) / self.gain
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Validity:
-    """A signal that says whether a quantity is valid."""
-
-    signal: SignalLayout
-    quantity: str
-    valid_raw: int
-    invalid_raw: int
+from vsensor.profile.quantities import LINES
+from vsensor.types import Array, BoolArray, CodeArray, Frame, IntArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,14 +85,15 @@ class Profile:
         raws = unpack(plan.layout, data)
         values: dict[str, float] = {}
         for binding in plan.told:
-            if binding.signal.name in raws:
-                value = binding.value(raws[binding.signal.name])
+            raw = binding.raw_in(raws)
+            if raw is not None:
+                value = binding.value(raw)
                 # One of several signals that share a quantity (solid bit, dashed bit) tells it.
                 if binding.quantity not in values or math.isnan(values[binding.quantity]):
                     values[binding.quantity] = value
         for validity in plan.validities:
-            if validity.quantity in values and raws.get(validity.signal.name) != validity.valid_raw:
-                values[validity.quantity] = math.nan
+            if raws.get(validity.signal.name) != validity.valid_raw:
+                values |= dict.fromkeys(filter(validity.covers, values), math.nan)
         return values
 
     def decode_arrays(
@@ -184,30 +143,16 @@ def _rows(
 
 
 def _bulk_values(plan: MessagePlan, data: CodeArray) -> dict[str, Array]:
-    bindings = plan.told
-    names = {b.signal.name for b in bindings} | {v.signal.name for v in plan.validities}
-    columns = decode_bulk(plan.layout, data, tuple(names))
+    reader = BulkReader(plan.layout, data)
     values: dict[str, Array] = {}
-    for binding in bindings:
-        told, before = _bulk_quantity(binding, columns[binding.signal.name]), values.get(binding.quantity)
+    for binding in plan.told:
+        told, before = binding.column(reader), values.get(binding.quantity)
         values[binding.quantity] = told if before is None else np.where(np.isnan(before), told, before)
     for validity in plan.validities:
-        if validity.quantity in values:
-            valid = columns[validity.signal.name] == validity.signal.physical(validity.valid_raw)
-            values[validity.quantity] = np.where(valid, values[validity.quantity], np.nan)
-    return values
-
-
-def _bulk_quantity(binding: Binding, physical: Array) -> Array:
-    signal = binding.signal
-    if binding.raw_of_code is not None:
-        values = np.full(len(physical), np.nan)
-        for code, raw in reversed(list(binding.raw_of_code.items())):
-            values[physical == signal.physical(raw)] = code
-    else:
-        values = (physical - binding.bias) / binding.gain
-    if signal.sna_raw is not None:
-        values[physical == signal.physical(signal.sna_raw)] = np.nan
+        signal = validity.signal
+        valid = (reader.raw(signal.name) == validity.valid_raw) & reader.selected(signal)
+        for quantity in filter(validity.covers, list(values)):
+            values[quantity] = np.where(valid, values[quantity], np.nan)
     return values
 
 
@@ -235,7 +180,7 @@ def quantisation_error_m(
         "curvature_rate_per_m2": (3, 6),
     }
     worst = dict.fromkeys(ranges_m, 0.0)
-    for side in SIDE_NAMES.values():
+    for side in LINES:
         steps = [
             (abs(binding.signal.scale / binding.gain) / 2, *powers[name])
             for plan in profile.messages

@@ -7,6 +7,8 @@ import msgspec
 from vsensor.schema import Config
 
 _HOUR_MS = 3_600_000
+_Bit = Annotated[int, msgspec.Meta(ge=0, le=63)]
+_Byte = Annotated[int, msgspec.Meta(ge=0, le=255)]
 
 
 class GeometryConfig(Config, frozen=True, kw_only=True):
@@ -29,9 +31,12 @@ class GeometryConfig(Config, frozen=True, kw_only=True):
 class SignalConfig(Config, frozen=True, kw_only=True):
     """What one signal carries: just one of `quantity`, `constant` (physical) and `valid_of`.
 
-    bus value = quantity * (size of `unit`) * `factor` + `shift`. `table` maps codes to raw values or value
-    names. `wrap` counts modulo what the bits hold. `sna` is the raw value for "not available". A signal
-    with `valid_of` is `valid_raw` while the named quantity has a value and `invalid_raw` otherwise.
+    bus value = quantity * (size of `unit`) * `factor` + `shift`; of its magnitude alone with `magnitude`.
+    `table` maps codes to raw values or value names. `wrap` counts modulo what the bits hold. `sna` is the
+    raw value for "not available", `error` that of a blocked or failed sensor, `init` that of one that is
+    starting. `bits` [highest, lowest] of the quantity's raw integer lie here, the others in other signals.
+    A signal with `valid_of` (quantities or whole lines) is `valid_raw` while all of them have a value and
+    `invalid_raw` otherwise.
     """
 
     quantity: str | None = None
@@ -40,9 +45,13 @@ class SignalConfig(Config, frozen=True, kw_only=True):
     shift: float = 0.0
     table: dict[str, int | str] | str | None = None
     wrap: bool = False
-    sna: int | None = None
+    sna: int | str | None = None
+    error: int | str | None = None
+    init: int | str | None = None
+    magnitude: bool = False
+    bits: tuple[_Bit, _Bit] | None = None
     constant: float | None = None
-    valid_of: str | None = None
+    valid_of: str | tuple[str, ...] | None = None
     valid_raw: int = 1
     invalid_raw: int = 0
 

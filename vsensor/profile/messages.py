@@ -8,7 +8,8 @@ from vsensor.codec import Database, Layout, overlaps
 from vsensor.e2e import PROTECTIONS
 from vsensor.errors import ConfigError
 from vsensor.profile.bind import binding_of, constant_raw, hint, signal_of, start_bits, validity_of
-from vsensor.profile.compiled import Binding, Guard, MessagePlan, Profile, Validity
+from vsensor.profile.binding import Binding, Validity
+from vsensor.profile.compiled import Guard, MessagePlan, Profile
 from vsensor.profile.config import E2eConfig, MessageConfig, ProfileConfig, SignalConfig
 
 _NS_PER_MS = 1_000_000

@@ -67,6 +67,10 @@ _LINE = {
     "width_m": Quantity(unit="m", meaning="width of the marking"),
     "measured": Quantity(unit="", meaning="1 measured in this image, 0 predicted or not available"),
 }
+_CENTRE = {name: quantity for name, quantity in _LINE.items() if name not in ("kind", "colour", "width_m")}
+LINES = (*SIDE_NAMES.values(), "centre")
+"""What has a polynomial: the four lines, and the virtual one in the middle of the lane."""
+
 _LANE_OFFSET = Quantity(
     unit="m",
     meaning="vehicle's centreline to the inner edge at the front axle, left line > 0, right line < 0",
@@ -75,6 +79,7 @@ _LANE_OFFSET = Quantity(
 
 QUANTITIES: Mapping[str, Quantity] = {
     **{f"{side}.{name}": quantity for side in SIDE_NAMES.values() for name, quantity in _LINE.items()},
+    **{f"centre.{name}": quantity for name, quantity in _CENTRE.items()},
     "left.lane_offset_m": _LANE_OFFSET,
     "right.lane_offset_m": _LANE_OFFSET,
     "lane.width_m": Quantity(unit="m", meaning="between the inner edges, across the lane, at the front axle"),

@@ -57,7 +57,7 @@ class Encoder:
             raws.append(raw)
             saturated += [binding.signal.name] * clipped
         for validity in self.validities:
-            lost = math.isnan(values.get(validity.quantity, math.nan))
+            lost = any(math.isnan(values.get(quantity, math.nan)) for quantity in validity.needs)
             raw = validity.invalid_raw if lost else validity.valid_raw
             raws.append(raw & ((1 << validity.signal.length) - 1))
         return raws, saturated
