@@ -39,6 +39,7 @@ _ABSENT: Mapping[str, float] = {
         for side in SIDE_NAMES.values()
         for name in ("available", "measured", "quality", "kind")
     },
+    **dict.fromkeys(("centre.available", "centre.measured", "centre.quality"), 0.0),
 }
 _NAMES = {
     side: tuple(
@@ -51,6 +52,11 @@ _NAMES = {
     )
     for side, word in SIDE_NAMES.items()
 }
+_CENTRE_MEANS = (
+    *("offset_m", "heading", "c2_per_m", "c3_per_m2"),
+    *("curvature_per_m", "curvature_rate_per_m2"),
+)
+_WORDS: Mapping[str, Side | None] = {**{word: side for side, word in SIDE_NAMES.items()}, "centre": None}
 _DRY_DAY = Environment()
 _LANE_CHANGE = {0: LaneChange.NONE, 1: LaneChange.LEFT, -1: LaneChange.RIGHT}
 
@@ -60,12 +66,14 @@ _Length = Annotated[float, msgspec.Meta(gt=0, le=15)]
 class VehicleConfig(Config, frozen=True, kw_only=True):
     """`[vehicle]`: the vehicle around the sensor.
 
-    `width_m` over the outer edges of the front wheels; `front_overhang_m` from front axle to bumper.
+    `width_m` over the outer edges of the front wheels; `front_overhang_m` from front axle to bumper;
+    `assumed_lane_width_m` of a lane of which only one line is seen, for its virtual centre.
     """
 
     wheelbase_m: _Length = 2.8
     front_overhang_m: Annotated[float, msgspec.Meta(ge=0, le=5)] = 0.9
     width_m: _Length = 1.85
+    assumed_lane_width_m: _Length = 3.5
 
 
 def values_from(
@@ -79,9 +87,13 @@ def values_from(
 
     A line that was not seen has NaN, and 0 for available, measured, quality and kind; so have all lines
     while the mode is neither AVAILABLE nor DEGRADED. Of a polynomial of an order above 3 the cubic that
-    is closest to it over its view range is reported.
+    is closest to it over its view range is reported. `ego.light` is that of the environment.
     """
     values = dict(_ABSENT)
+    values["ego.speed_mps"], values["ego.yaw_rate_radps"] = ego.speed_mps, ego.yaw_rate_radps
+    values["ego.acceleration_mps2"] = ego.acceleration_mps2
+    values["ego.lateral_acceleration_mps2"] = ego.lateral_acceleration_mps2
+    values["ego.light"] = float(environment.light)
     values["image.index"] = float(estimate.image_index)
     values["image.timestamp_ms"] = float(estimate.exposed_at_ns // 1_000_000)
     values["sensor.state"] = float(mode)
@@ -92,6 +104,7 @@ def values_from(
             values.update(zip(_NAMES[boundary.side], _line(boundary), strict=True))
         values["lane.change"] = float(_LANE_CHANGE[estimate.lane_change])
         _put_lane(values, vehicle, estimate, ego)
+        _put_centre(values, vehicle)
     return values
 
 
@@ -177,6 +190,30 @@ def _crossing_s(gap_m: float, speed_mps: float) -> float:
     return max(gap_m, 0.0) / speed_mps if speed_mps > 0.0 else _NAN
 
 
+# ---- the virtual line in the middle of the lane ------------------------------------------------------
+
+
+def _put_centre(values: dict[str, float], vehicle: VehicleConfig) -> None:
+    """Put the mean of left and right; beside the only line seen, half the assumed width of the lane.
+
+    Valid where all its lines are; as sure as the least sure of them.
+    """
+    seen = [word for word in ("left", "right") if values[f"{word}.available"]]
+    if not seen:
+        return
+    for name in _CENTRE_MEANS:
+        values[f"centre.{name}"] = sum(values[f"{word}.{name}"] for word in seen) / len(seen)
+    if len(seen) == 1:
+        half_m = vehicle.assumed_lane_width_m / 2 * math.hypot(1.0, values["centre.heading"])
+        values["centre.offset_m"] += -half_m if seen == ["left"] else half_m
+    start_m = max(values[f"{word}.x_min_m"] for word in seen)
+    values["centre.available"], values["centre.x_min_m"] = 1.0, start_m
+    values["centre.x_max_m"] = max(start_m, min(values[f"{word}.x_max_m"] for word in seen))
+    values["centre.order"] = max(values[f"{word}.order"] for word in seen)
+    for name in ("quality", "measured"):
+        values[f"centre.{name}"] = min(values[f"{word}.{name}"] for word in seen)
+
+
 # ---- as the bus describes a line ---------------------------------------------------------------------
 
 
@@ -191,7 +228,7 @@ def to_bus(
     if geometry == _MODEL_GEOMETRY:
         return values
     moved = dict(values)
-    for side, word in SIDE_NAMES.items():
+    for word, side in _described(values):
         _line_to_bus(moved, word, side, geometry, origin_x_m(geometry, vehicle, camera_x_m))
     return moved
 
@@ -206,7 +243,7 @@ def from_bus(
     if geometry == _MODEL_GEOMETRY:
         return values
     moved = dict(values)
-    for side, word in SIDE_NAMES.items():
+    for word, side in _described(values):
         _line_from_bus(moved, word, side, geometry, origin_x_m(geometry, vehicle, camera_x_m))
     return moved
 
@@ -227,8 +264,14 @@ def origin_x_m(geometry: GeometryConfig, vehicle: VehicleConfig, camera_x_m: flo
 _MODEL_GEOMETRY = GeometryConfig()
 
 
+def _described(values: SignalValues) -> list[tuple[str, Side | None]]:
+    """Return the lines to convert: the four, and the virtual one (of no side) if it is there."""
+    virtual = any(name.startswith("centre.") for name in values)
+    return [(word, side) for word, side in _WORDS.items() if side is not None or virtual]
+
+
 def _line_to_bus(
-    values: dict[str, float], word: str, side: Side, geometry: GeometryConfig, origin: float
+    values: dict[str, float], word: str, side: Side | None, geometry: GeometryConfig, origin: float
 ) -> None:
     c = _coefficients(values, word)
     c0, c1, c2, c3 = _shifted(c, origin)
@@ -242,7 +285,7 @@ def _line_to_bus(
 
 
 def _line_from_bus(
-    values: dict[str, float], word: str, side: Side, geometry: GeometryConfig, origin: float
+    values: dict[str, float], word: str, side: Side | None, geometry: GeometryConfig, origin: float
 ) -> None:
     c0, heading, c2, c3 = _coefficients(values, word)
     c1 = math.tan(heading) if geometry.heading == "angle" else heading
@@ -272,8 +315,10 @@ def _shifted(c: tuple[float, float, float, float], x_m: float) -> tuple[float, f
     )
 
 
-def _to_inner_m(values: SignalValues, word: str, side: Side, slope: float) -> float:
-    """Return the step along y from a marking's centre to its edge towards the vehicle."""
+def _to_inner_m(values: SignalValues, word: str, side: Side | None, slope: float) -> float:
+    """Return the step along y from a marking's centre to its edge towards the vehicle; 0 without one."""
+    if side is None:
+        return 0.0
     half_m = values.get(f"{word}.width_m", _NAN) / 2 * math.hypot(1.0, slope)
     if math.isnan(half_m):
         return 0.0
