@@ -87,8 +87,8 @@ def run_scenario(
             on_tick=advance,
             real_time=not options.fast,
         )
-    if bus is not None and bus.report():
-        summary.notes.append(bus.report())
+    if bus is not None:
+        summary.notes += bus.report()
     written = (options.log, options.trace, options.picture, options.images, options.video)
     summary.notes += [f"wrote {path}" for path in written if path]
     return summary
