@@ -1,5 +1,7 @@
 """The whole line: same in, same out; restarts; slots that are dropped."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from vsensor.clock import SimulatedClock
 from vsensor.config import load_scenario
 from vsensor.line import build_line, tick_count
 from vsensor.runner import run_loop
-from vsensor.types import Side, Tick
+from vsensor.types import SensorMode, Side, Tick
 
 PERIOD_NS = 40_000_000
 
@@ -124,6 +126,21 @@ def test_a_slot_that_is_less_than_half_a_period_late_is_still_sent():
     assert max(summary.lateness_ns) == 19_000_000
 
 
+def test_a_sensor_that_lacks_an_input_still_sees_its_lines_but_is_degraded():
+    line = build_line(load_scenario("highway", {"state": {"init_s": 0.0}}))
+    state = line.initial_state()
+    snapshot = line.compute(state, tick(0)).output.snapshot
+
+    class Lacking:
+        def advance(self, state, tick, inputs):
+            return None, replace(snapshot, stale=("ego.speed_mps",))
+
+    output = replace(line, source=Lacking()).compute(state, tick(0)).output
+    assert output.estimate.degraded
+    assert output.estimate.on(Side.LEFT) is not None
+    assert output.values["sensor.state"] == SensorMode.DEGRADED
+
+
 def test_an_ego_state_that_is_not_finite_means_no_lines_and_a_degraded_sensor():
     line = build_line(load_scenario("highway", {"state": {"init_s": 0.0}}))
     state = line.initial_state()
@@ -135,12 +152,8 @@ def test_an_ego_state_that_is_not_finite_means_no_lines_and_a_degraded_sensor():
             return None
 
         def advance(self, state, tick, inputs):
-            from dataclasses import replace
-
             snapshot = computed.output.snapshot
             return None, replace(snapshot, ego=replace(snapshot.ego, yaw_rad=float("nan")))
-
-    from dataclasses import replace
 
     lost = replace(line, source=Lost()).compute(state, tick(0)).output
     assert lost.estimate.boundaries == ()

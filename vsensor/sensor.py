@@ -127,7 +127,7 @@ def sense(
         image_index=tick.index,
         boundaries=quality.boundaries(config.quality, assignment.sides, fits, detections, scene.environment),
         lane_change=assignment.lane_change,
-        degraded=not is_known,
+        degraded=not is_known or bool(snapshot.stale),
     )
     lap("fit+track")
     return SensorState(motion=body, errors=errors, tracks=tracks), Sensed(

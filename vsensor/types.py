@@ -233,11 +233,12 @@ class Scene:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Snapshot:
-    """The truth at one tick."""
+    """The truth at one tick; `stale` names the inputs that the sensor lacks: missing, or too old."""
 
     t_ns: int
     ego: EgoState
     scene: Scene
+    stale: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
