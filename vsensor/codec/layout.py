@@ -2,13 +2,14 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import cantools
 from cantools.database import Database as CanDatabase
 
+from vsensor.codec.sending import SendAttributes, send_attributes
 from vsensor.errors import DbcError
 
 _SUFFIXES = {".dbc", ".arxml", ".kcd", ".sym"}
@@ -88,6 +89,7 @@ class Layout:
     e2e_profile: str
     e2e_data_id: int | tuple[int, ...] | None
     bitrate_switch: bool | None = None
+    sending: SendAttributes = field(default_factory=SendAttributes)
 
     @property
     def muxers(self) -> frozenset[str]:
@@ -149,6 +151,7 @@ def _layout(message: Any, path: Path) -> Layout:
         cycle_ms=int(message.cycle_time or 0),
         start_delay_ms=int(_attribute(message, "GenMsgStartDelayTime") or 0),
         send_type=str(message.send_type or ""),
+        sending=send_attributes(message),
         e2e_profile=e2e_profile,
         e2e_data_id=data_id,
         bitrate_switch=_bitrate_switch(message),

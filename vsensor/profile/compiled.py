@@ -13,6 +13,7 @@ from vsensor.e2e import Protection
 from vsensor.profile.binding import Binding, Validity
 from vsensor.profile.config import GeometryConfig
 from vsensor.profile.quantities import LINES
+from vsensor.profile.sending import SendPlan
 from vsensor.types import Array, BoolArray, CodeArray, Frame, IntArray
 
 
@@ -35,13 +36,17 @@ class MessagePlan:
     """
 
     layout: Layout
-    cycle_ns: int
-    start_delay_ns: int
+    sending: SendPlan
     bindings: tuple[Binding, ...]
     told: tuple[Binding, ...]
     validities: tuple[Validity, ...]
     constants: Mapping[str, int]
     guard: Guard | None
+
+    @property
+    def cycle_ns(self) -> int:
+        """The cycle time, 0 if it has none."""
+        return self.sending.cycle_ns
 
     def intact(self, data: bytes) -> bool:
         """Return whether the frame's CRC is right; True for a message without protection."""

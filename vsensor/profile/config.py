@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
+from vsensor.profile.sending import GroupConfig, SendConfig
 from vsensor.schema import Config
 
 _HOUR_MS = 3_600_000
@@ -72,6 +73,7 @@ class MessageConfig(Config, frozen=True, kw_only=True):
     e2e: E2eConfig | None = None
     cycle_ms: Annotated[float, msgspec.Meta(ge=1, le=_HOUR_MS)] | None = None
     start_delay_ms: Annotated[float, msgspec.Meta(ge=0, le=_HOUR_MS)] | None = None
+    send: SendConfig | None = None
 
 
 class ProfileConfig(Config, frozen=True, kw_only=True):
@@ -82,4 +84,5 @@ class ProfileConfig(Config, frozen=True, kw_only=True):
     role: Literal["sensor", "vehicle"] = "sensor"
     database: str | None = None
     geometry: GeometryConfig = GeometryConfig()
+    groups: dict[str, GroupConfig] = msgspec.field(default_factory=dict)
     tables: dict[str, dict[str, int | str]] = msgspec.field(default_factory=dict)

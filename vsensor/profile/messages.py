@@ -11,14 +11,14 @@ from vsensor.profile.bind import binding_of, constant_raw, hint, signal_of, star
 from vsensor.profile.binding import Binding, Validity
 from vsensor.profile.compiled import Guard, MessagePlan, Profile
 from vsensor.profile.config import E2eConfig, MessageConfig, ProfileConfig, SignalConfig
-
-_NS_PER_MS = 1_000_000
+from vsensor.profile.send_plan import group_phases, message_plan
 
 
 def compile_profile(path: Path, config: ProfileConfig, database: Database) -> Profile:
     """Return the profile at work; raises ConfigError naming file, message, signal."""
     if not config.messages:
         raise ConfigError(f"{path}: messages: at least one was expected")
+    group_phases(config.groups, config.messages, str(path))
     plans = _tell_once(
         [_message(path, config, database, name, message) for name, message in config.messages.items()]
     )
@@ -61,14 +61,9 @@ def _message(
     _require_apart(layout, bindings, f"{path}: {name}")
     carried = [*(b.signal.name for b in bindings), *(v.signal.name for v in validities)]
     carried += [guard.crc.name, guard.counter.name] if guard else []
-    cycle_ms = config.cycle_ms if config.cycle_ms is not None else layout.cycle_ms
-    delay_ms = config.start_delay_ms if config.start_delay_ms is not None else layout.start_delay_ms
-    if not cycle_ms and profile.role == "sensor":
-        raise ConfigError(f"{path}: {name}: no cycle time in {database.path}; give cycle_ms")
     return MessagePlan(
         layout=layout,
-        cycle_ns=round(cycle_ms * _NS_PER_MS),
-        start_delay_ns=round(delay_ms * _NS_PER_MS),
+        sending=message_plan(path, profile, layout, config, bindings),
         bindings=tuple(bindings),
         told=tuple(bindings),
         validities=tuple(validities),
