@@ -111,7 +111,7 @@ def test_after_a_stall_counters_go_on_and_the_image_index_follows_the_tick():
     for _, frame in frames(stalled):
         guard = guard_of[frame.arbitration_id]
         if guard is not None:
-            now = (int.from_bytes(frame.data, "little") >> guard.counter.shift) & 15
+            now = guard.counter(frame.data)
             before = counters.get(frame.arbitration_id)
             assert before is None or now == (before + 1) % 15
             counters[frame.arbitration_id] = now

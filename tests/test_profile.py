@@ -309,7 +309,7 @@ LINE = "[messages.LDS_LeftLine]\ncycle_ms = 40\n[messages.LDS_LeftLine.signals]\
                 'e2e = { crc = "LeftLineCrc", counter = "LeftQuality" }\n[messages.LDS_LeftLine.s',
             )
             + 'LeftOffset = "left.offset_m"',
-            "LeftQuality has 3 bits at 52, e2e P01 puts 4",
+            "counter has 3 bits at 52, e2e P01 puts 4",
         ),
         (
             LINE.replace(

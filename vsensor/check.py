@@ -84,7 +84,7 @@ def _profile_lines(profile: Profile) -> list[str]:
     lines = [f"profile {profile.name} ({profile.path}), role {profile.role}, database {profile.database}"]
     frames_per_s = 0.0
     for plan in profile.messages:
-        guard = "" if plan.guard is None else f", E2E data id 0x{plan.guard.data_id:X}"
+        guard = "" if plan.guard is None else f", E2E {plan.guard.label}"
         layout, cycle_ms = plan.layout, plan.cycle_ns / 1e6
         frames_per_s += 1e3 / cycle_ms if cycle_ms else 0.0
         lines.append(

@@ -139,9 +139,7 @@ def _losses(profile: Profile, table: LogTable, mask: BoolArray, known: int) -> l
         guard = plan.guard
         whole = np.flatnonzero(rows & ~short)
         if guard is not None and len(whole) and used.data.shape[1] >= layout.length:
-            right = guard.protection.check_bulk(
-                used.data[whole, : layout.length], guard.data_id, guard.offset
-            )
+            right = guard.check_bulk(used.data[whole, : layout.length])
             bad += int(np.count_nonzero(~right))
     return (
         [f"{bad} of {known} frames of profile {profile.name} left out: too short or wrong CRC"] if bad else []

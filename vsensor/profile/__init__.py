@@ -1,7 +1,7 @@
 """Profiles: which model quantity each signal of a bus carries, both ways."""
 
 from vsensor.profile.binding import Binding, Part, Validity
-from vsensor.profile.compiled import Column, Guard, MessagePlan, Profile, quantisation_error_m
+from vsensor.profile.compiled import Column, MessagePlan, Profile, quantisation_error_m
 from vsensor.profile.config import GeometryConfig, ProfileConfig
 from vsensor.profile.load import SCHEMA, load_profile, load_profiles, shipped_profiles
 from vsensor.profile.quantities import LINES, QUANTITIES, UNITS, Indicator, LaneChange, Quantity, Wiper
@@ -14,7 +14,6 @@ __all__ = [
     "Binding",
     "Column",
     "GeometryConfig",
-    "Guard",
     "Indicator",
     "LaneChange",
     "MessagePlan",

@@ -8,24 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from vsensor.codec import BulkReader, Layout, SignalLayout, unpack
-from vsensor.e2e import Protection
+from vsensor.codec import BulkReader, Layout, unpack
+from vsensor.e2e import Guard
 from vsensor.profile.binding import Binding, Validity
 from vsensor.profile.config import GeometryConfig
 from vsensor.profile.quantities import LINES
 from vsensor.profile.sending import SendPlan
 from vsensor.types import Array, BoolArray, CodeArray, Frame, IntArray
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Guard:
-    """Protection of one message; `offset` is the byte where its header starts."""
-
-    protection: Protection
-    data_id: int
-    crc: SignalLayout
-    counter: SignalLayout
-    offset: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,8 +39,7 @@ class MessagePlan:
 
     def intact(self, data: bytes) -> bool:
         """Return whether the frame's CRC is right; True for a message without protection."""
-        guard = self.guard
-        return guard is None or guard.protection.check(data, guard.data_id, guard.offset)
+        return self.guard is None or self.guard.check(data)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,8 +107,7 @@ class Profile:
         for plan in self.messages:
             rows = _rows(plan, ids, data, lengths, extended)
             if check and plan.guard is not None and len(rows):
-                guard, cut = plan.guard, data[rows, : plan.layout.length]
-                rows = rows[guard.protection.check_bulk(cut, guard.data_id, guard.offset)]
+                rows = rows[plan.guard.check_bulk(data[rows, : plan.layout.length])]
             if len(rows):
                 for quantity, values in _bulk_values(plan, data[rows, : plan.layout.length]).items():
                     parts.setdefault(quantity, []).append(Column(rows=rows, values=values))

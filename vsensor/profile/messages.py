@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from vsensor.codec import Database, Layout, overlaps
-from vsensor.e2e import PROTECTIONS
+from vsensor.e2e import Field, Guard, guard
 from vsensor.errors import ConfigError
 from vsensor.profile.bind import binding_of, constant_raw, hint, signal_of, start_bits, validity_of
 from vsensor.profile.binding import Binding, Validity
-from vsensor.profile.compiled import Guard, MessagePlan, Profile
+from vsensor.profile.compiled import MessagePlan, Profile
 from vsensor.profile.config import E2eConfig, MessageConfig, ProfileConfig, SignalConfig
 from vsensor.profile.send_plan import group_phases, message_plan
 
@@ -41,7 +41,8 @@ def _message(
     if layout is None:
         near = hint(name, database.layouts)
         raise ConfigError(f"{path}: messages.{name}: not a message of {database.path}{near}")
-    guard = _guard(path, layout, config.e2e) if config.e2e else None
+    protection = _guard(path, layout, config.e2e) if config.e2e else None
+    protecting = [config.e2e.crc, config.e2e.counter] if config.e2e else []
     bindings: list[Binding] = []
     validities: list[Validity] = []
     constants = {signal.name: start_bits(signal) for signal in layout.signals.values()}
@@ -49,7 +50,7 @@ def _message(
         where = f"{path}: {name}.{signal_name}"
         signal = signal_of(layout, signal_name, where)
         wanted = SignalConfig(quantity=item) if isinstance(item, str) else item
-        if guard and signal.name in (guard.crc.name, guard.counter.name):
+        if signal.name in protecting:
             raise ConfigError(f"{where}: is the CRC or counter of this message and cannot carry a value")
         _require_one_role(wanted, where)
         if wanted.quantity is not None:
@@ -60,7 +61,7 @@ def _message(
             constants[signal.name] = constant_raw(signal, wanted, where)
     _require_apart(layout, bindings, f"{path}: {name}")
     carried = [*(b.signal.name for b in bindings), *(v.signal.name for v in validities)]
-    carried += [guard.crc.name, guard.counter.name] if guard else []
+    carried += protecting
     return MessagePlan(
         layout=layout,
         sending=message_plan(path, profile, layout, config, bindings),
@@ -68,7 +69,7 @@ def _message(
         told=tuple(bindings),
         validities=tuple(validities),
         constants={key: raw for key, raw in constants.items() if key not in carried},
-        guard=guard,
+        guard=protection,
     )
 
 
@@ -81,23 +82,21 @@ def _require_one_role(config: SignalConfig, where: str) -> None:
 def _guard(path: Path, layout: Layout, config: E2eConfig) -> Guard:
     where = f"{path}: {layout.name}"
     name = config.profile if config.profile is not None else layout.e2e_profile
-    if name not in PROTECTIONS:
-        raise ConfigError(f"{where}: e2e profile {name!r} is not known{hint(name, PROTECTIONS)}")
     data_id = config.data_id if config.data_id is not None else layout.e2e_data_id
-    if data_id is None:
+    if data_id is None and name.startswith("P"):
         raise ConfigError(f"{where}: no E2EDataId in the database; give e2e.data_id")
-    protection = PROTECTIONS[name]
-    crc = signal_of(layout, config.crc, where)
-    counter = signal_of(layout, config.counter, where)
-    offset = (layout.low_bit(crc) - protection.crc_start) // 8
-    for signal, start, bits in (
-        (crc, protection.crc_start, protection.crc_bits),
-        (counter, protection.counter_start, protection.counter_bits),
-    ):
-        if layout.low_bit(signal) != start + 8 * offset or signal.length != bits:
-            found = f"{signal.name} has {signal.length} bits at {layout.low_bit(signal)}"
-            raise ConfigError(f"{where}: {found}, e2e {name} puts {bits} bits at {start + 8 * offset}")
-    return Guard(protection=protection, data_id=data_id, crc=crc, counter=counter, offset=offset)
+    crc, counter = (signal_of(layout, signal, where) for signal in (config.crc, config.counter))
+    try:
+        return guard(
+            name,
+            length=layout.length,
+            arbitration_id=layout.arbitration_id,
+            data_id=data_id,
+            checksum=Field(layout.low_bit(crc), crc.length, crc.big_endian),
+            counter=Field(layout.low_bit(counter), counter.length, counter.big_endian),
+        )
+    except ConfigError as error:
+        raise ConfigError(f"{where} ({crc.name}, {counter.name}): {error}") from None
 
 
 def _tell_once(plans: Sequence[MessagePlan]) -> tuple[MessagePlan, ...]:

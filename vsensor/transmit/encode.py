@@ -24,7 +24,6 @@ class _Message:
     base: int
     little: tuple[tuple[int, int], ...]
     big: tuple[tuple[int, int], ...]
-    counter_shift: int
 
 
 class Encoder:
@@ -90,9 +89,8 @@ def _frame(message: _Message, raws: Sequence[int], counter: int, due_ns: int) ->
     if guard is None:
         data = word.to_bytes(layout.length, "little")
     else:
-        word |= counter % guard.protection.counter_states << message.counter_shift
         payload = bytearray(word.to_bytes(layout.length, "little"))
-        guard.protection.protect(payload, guard.data_id, guard.offset)
+        guard.protect(payload, counter % guard.counter_states)
         data = bytes(payload)
     return Frame(
         due_ns=due_ns,
@@ -141,13 +139,11 @@ def _message(plan: MessagePlan, places: Mapping[tuple[str, str], int]) -> _Messa
             big.append((place, signal.shift))
         else:
             little.append((place, shift))
-    counter_shift = _little_shift(layout, plan.guard.counter) if plan.guard is not None else 0
     return _Message(
         plan=plan,
         base=int.from_bytes(pack(layout, plan.constants), "little"),
         little=tuple(little),
         big=tuple(big),
-        counter_shift=counter_shift or 0,
     )
 
 
