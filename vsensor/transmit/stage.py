@@ -2,58 +2,181 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from vsensor.profile import Profile
+from vsensor.codec import pack, to_physical, unpack
+from vsensor.profile import MessagePlan, Profile
 from vsensor.signals import VehicleConfig, to_bus
 from vsensor.transmit.encode import Encoder
-from vsensor.transmit.schedule import is_due
+from vsensor.transmit.schedule import Happening, MessageState, is_due, slot_period_ns, step
 from vsensor.types import Frame, SignalValues, Tick
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TransmitState:
-    """Frames sent of each message and of all, and how often each signal was saturated."""
+    """Frames sent of each message and of all, and how often each signal was saturated.
+
+    `messages`: what those remember that more than time sends, in the order of `Transmitter.eventful`.
+    """
 
     counters: tuple[int, ...]
     frames: int
     saturated: Mapping[str, int]
+    messages: tuple[MessageState, ...] = ()
 
 
 class Transmitter:
-    """A profile compiled for sending; immutable. Raises ConfigError for what cannot be sent."""
+    """A profile compiled for sending; immutable. Raises ConfigError for what cannot be sent.
+
+    `cyclic` are the places in the profile of the messages that time alone sends, `eventful` the others.
+    """
 
     def __init__(self, profile: Profile, vehicle: VehicleConfig, camera_x_m: float | None = None) -> None:
         self.profile, self.vehicle, self.camera_x_m = profile, vehicle, camera_x_m
         to_bus(profile.geometry, vehicle, _nothing(profile), camera_x_m)  # a missing camera is told here
         self.encoder = Encoder(profile)
+        places = range(len(profile.messages))
+        self.cyclic = tuple(k for k in places if profile.messages[k].sending.is_cyclic)
+        self.eventful = tuple(k for k in places if not profile.messages[k].sending.is_cyclic)
+        self.masks = tuple(_watch_mask(profile.messages[k]) for k in self.eventful)
 
     def raws(self, values: SignalValues) -> tuple[list[int], list[str]]:
         """Return the raw bits of all bindings and the names of saturated signals, see Encoder.raws."""
         return self.encoder.raws(values)
 
+    def slot_period_ns(self, image_period_ns: int) -> int:
+        """Return the time between send slots where images are taken every `image_period_ns`."""
+        return slot_period_ns(self.profile.messages, image_period_ns)
+
 
 def initial_state(transmitter: Transmitter) -> TransmitState:
     """Return the state before the first frame: all counters start at 0."""
-    return TransmitState(counters=(0,) * len(transmitter.profile.messages), frames=0, saturated={})
+    return TransmitState(
+        counters=(0,) * len(transmitter.profile.messages),
+        frames=0,
+        saturated={},
+        messages=(MessageState(),) * len(transmitter.eventful),
+    )
 
 
 def transmit(
     transmitter: Transmitter, state: TransmitState, values: SignalValues, slot: Tick
 ) -> tuple[TransmitState, tuple[Frame, ...]]:
     """Return the frames that are due in this slot, in the profile's order, all due at the slot's time."""
+    return _send(transmitter, state, _Image(transmitter, values), slot)
+
+
+def transmit_image(
+    transmitter: Transmitter, state: TransmitState, values: SignalValues, tick: Tick
+) -> tuple[TransmitState, tuple[Frame, ...]]:
+    """Return the frames of all send slots from this image to the next, in order, each due at its slot.
+
+    `tick` is the image's; the slots divide its period (Transmitter.slot_period_ns). The same frames as of
+    `transmit` slot by slot with the same values.
+    """
+    period_ns = transmitter.slot_period_ns(tick.period_ns)
+    slots, image, frames = tick.period_ns // period_ns, _Image(transmitter, values), list[Frame]()
+    for k in range(slots):
+        slot = Tick(index=tick.index * slots + k, t_ns=tick.t_ns + k * period_ns, period_ns=period_ns)
+        state, sent = _send(transmitter, state, image, slot)
+        frames += sent
+    return state, tuple(frames)
+
+
+class _Image:
+    """The values of one image, encoded once, when the first slot asks."""
+
+    def __init__(self, transmitter: Transmitter, values: SignalValues) -> None:
+        self._transmitter, self._values = transmitter, values
+        self._raws: list[int] | None = None
+        self._saturated: list[str] = []
+        self._happenings: tuple[Happening, ...] | None = None
+
+    def raws(self) -> list[int]:
+        """Return the raw bits of all bindings."""
+        if self._raws is None:
+            sender = self._transmitter
+            on_bus = to_bus(sender.profile.geometry, sender.vehicle, self._values, sender.camera_x_m)
+            self._raws, self._saturated = sender.encoder.raws(on_bus)
+        return self._raws
+
+    def saturated(self) -> list[str]:
+        """Return the names of saturated signals, once: they count by images sent."""
+        names, self._saturated = self._saturated, []
+        return names
+
+    def happenings(self) -> tuple[Happening, ...]:
+        """Return what there is to each eventful message."""
+        if self._happenings is None:
+            sender = self._transmitter
+            none_sent = (0,) * len(sender.profile.messages)
+            frames, _ = sender.encoder.frames(sender.eventful, self.raws(), none_sent, 0)
+            plans = [sender.profile.messages[k] for k in sender.eventful]
+            self._happenings = tuple(
+                _happening(plan, mask, frame.data, self._values)
+                for plan, mask, frame in zip(plans, sender.masks, frames, strict=True)
+            )
+        return self._happenings
+
+
+def _send(
+    transmitter: Transmitter, state: TransmitState, image: _Image, slot: Tick
+) -> tuple[TransmitState, tuple[Frame, ...]]:
     plans = transmitter.profile.messages
-    due = [k for k, plan in enumerate(plans) if is_due(plan, slot)]
+    due = [k for k in transmitter.cyclic if is_due(plans[k], slot)]
+    messages = state.messages
+    if transmitter.eventful:
+        messages, more = _step_all(transmitter, messages, image, slot)
+        due = sorted([*due, *more])
     if not due:
-        return state, ()
-    encoder = transmitter.encoder
-    on_bus = to_bus(transmitter.profile.geometry, transmitter.vehicle, values, transmitter.camera_x_m)
-    raws, saturated = encoder.raws(on_bus)
-    frames, counters = encoder.frames(due, raws, state.counters, slot.t_ns)
+        return (state if messages == state.messages else replace(state, messages=messages)), ()
+    frames, counters = transmitter.encoder.frames(due, image.raws(), state.counters, slot.t_ns)
     after = TransmitState(
-        counters=counters, frames=state.frames + len(frames), saturated=_counted(state, saturated)
+        counters=counters,
+        frames=state.frames + len(frames),
+        saturated=_counted(state, image.saturated()),
+        messages=messages,
     )
     return after, tuple(frames)
+
+
+def _step_all(
+    transmitter: Transmitter, messages: tuple[MessageState, ...], image: _Image, slot: Tick
+) -> tuple[tuple[MessageState, ...], list[int]]:
+    after, due = [], []
+    for place, state, happening in zip(transmitter.eventful, messages, image.happenings(), strict=True):
+        state, leaves = step(transmitter.profile.messages[place].sending, state, happening, slot)
+        after.append(state)
+        due += [place] * leaves
+    return tuple(after), due
+
+
+def _happening(plan: MessagePlan, mask: int, data: bytes, values: SignalValues) -> Happening:
+    on_bus = unpack(plan.layout, data)
+    active = any(
+        condition.holds(
+            _physical(plan, condition.subject, on_bus)
+            if condition.is_signal
+            else values.get(condition.subject, math.nan)
+        )
+        for condition in plan.sending.active
+    )
+    return Happening(
+        watched=int.from_bytes(data, "little") & mask,
+        written=values.get("image.index", 0.0),
+        active=active,
+    )
+
+
+def _physical(plan: MessagePlan, name: str, raws: Mapping[str, int]) -> float:
+    """Return the value of a signal in its unit on the bus; NaN for SNA, or where it is not in the frame."""
+    return to_physical(plan.layout.signals[name], raws[name]) if name in raws else math.nan
+
+
+def _watch_mask(plan: MessagePlan) -> int:
+    """Return the bits of the watched signals in the frame, read as a little-endian integer."""
+    ones = {name: (1 << plan.layout.signals[name].length) - 1 for name in plan.sending.watched}
+    return int.from_bytes(pack(plan.layout, ones), "little")
 
 
 def _counted(state: TransmitState, saturated: Sequence[str]) -> Mapping[str, int]:
