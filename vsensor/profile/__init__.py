@@ -1,28 +1,37 @@
 """Profiles: which model quantity each signal of a bus carries, both ways."""
 
 from vsensor.profile.binding import Binding, Part, Validity
+from vsensor.profile.bursts import NOTHING_OPEN, Assembly, Burst, FrameKey, Image, left_over
 from vsensor.profile.compiled import Column, MessagePlan, Profile, quantisation_error_m
 from vsensor.profile.config import GeometryConfig, ProfileConfig
 from vsensor.profile.load import SCHEMA, load_profile, load_profiles, shipped_profiles
+from vsensor.profile.pages import Page
 from vsensor.profile.quantities import LINES, QUANTITIES, UNITS, Indicator, LaneChange, Quantity, Wiper
 
 __all__ = [
     "LINES",
+    "NOTHING_OPEN",
     "QUANTITIES",
     "SCHEMA",
     "UNITS",
+    "Assembly",
     "Binding",
+    "Burst",
     "Column",
+    "FrameKey",
     "GeometryConfig",
+    "Image",
     "Indicator",
     "LaneChange",
     "MessagePlan",
+    "Page",
     "Part",
     "Profile",
     "ProfileConfig",
     "Quantity",
     "Validity",
     "Wiper",
+    "left_over",
     "load_profile",
     "load_profiles",
     "quantisation_error_m",

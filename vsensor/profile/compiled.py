@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from vsensor.codec import BulkReader, Layout, unpack
 from vsensor.e2e import Guard
 from vsensor.profile.binding import Binding, Validity
+from vsensor.profile.bursts import NOTHING_OPEN, Assembly, Burst, Image, assemble, left_over
 from vsensor.profile.config import GeometryConfig
+from vsensor.profile.pages import Page
 from vsensor.profile.quantities import LINES
 from vsensor.profile.sending import SendPlan
 from vsensor.types import Array, BoolArray, CodeArray, Frame, IntArray
@@ -22,6 +24,7 @@ class MessagePlan:
     """One message of a profile.
 
     `bindings` are encoded, `told` of them are decoded. `constants` are the raw values of all other signals.
+    `pages`: the multiplexers' values of its frames, sent as `mux` says; `padding` follows its data.
     """
 
     layout: Layout
@@ -31,6 +34,10 @@ class MessagePlan:
     validities: tuple[Validity, ...]
     constants: Mapping[str, int]
     guard: Guard | None
+    pages: tuple[Page, ...] = ({},)
+    mux: str = "together"
+    padding: bytes = b""
+    bitrate_switch: bool = False
 
     @property
     def cycle_ns(self) -> int:
@@ -62,6 +69,7 @@ class Profile:
     geometry: GeometryConfig
     messages: tuple[MessagePlan, ...]
     by_id: Mapping[tuple[int, bool], MessagePlan]
+    bursts: tuple[Burst, ...] = ()
 
     def decode(self, frame: Frame, *, check: bool = False) -> dict[str, float] | None:
         """Return the quantities of a frame in SI and model signs, NaN = not available.
@@ -89,6 +97,17 @@ class Profile:
                 values |= dict.fromkeys(filter(validity.covers, values), math.nan)
         return values
 
+    def assemble(self, state: Assembly, frame: Frame) -> tuple[Assembly, tuple[Image, ...]]:
+        """Put the frames of bursts together: return the state after this one, and the images it ended.
+
+        Start with NOTHING_OPEN. Frames that are foreign, too short or of no burst change nothing.
+        """
+        plan = self.by_id.get((frame.arbitration_id, frame.is_extended))
+        if plan is None or len(frame.data) < plan.layout.length:
+            return state, ()
+        right = plan.intact(frame.data[: plan.layout.length])
+        return assemble(self.bursts, plan.layout.name, state, frame, is_right=right)
+
     def decode_arrays(
         self,
         ids: NDArray[np.uint32],
@@ -100,18 +119,48 @@ class Profile:
     ) -> dict[str, Column]:
         """Decode many frames at once: `ids` (N,), `data` (N, 8 or 64), `lengths` (N,) bytes, `extended` (N,).
 
-        Frames that are too short, or (with `check`) have a wrong CRC, are left out. A quantity that
-        several messages carry has the rows of all of them, in order.
+        Frames that are too short, or (with `check`) have a wrong CRC or are of a burst that is not intact,
+        are left out. A quantity that several messages carry has the rows of all of them, in order.
         """
         parts: dict[str, list[Column]] = {}
+        broken = self.broken_rows(ids, data, lengths, extended=extended) if check and self.bursts else None
         for plan in self.messages:
             rows = _rows(plan, ids, data, lengths, extended)
             if check and plan.guard is not None and len(rows):
                 rows = rows[plan.guard.check_bulk(data[rows, : plan.layout.length])]
+            if broken is not None:
+                rows = rows[~broken[rows]]
             if len(rows):
                 for quantity, values in _bulk_values(plan, data[rows, : plan.layout.length]).items():
                     parts.setdefault(quantity, []).append(Column(rows=rows, values=values))
         return {quantity: _merged(columns) for quantity, columns in parts.items()}
+
+    def broken_rows(
+        self,
+        ids: NDArray[np.uint32],
+        data: CodeArray,
+        lengths: CodeArray,
+        *,
+        extended: BoolArray | None = None,
+    ) -> BoolArray:
+        """Return which frames (N,) belong to a burst that is not intact; arguments as for decode_arrays."""
+        broken = np.zeros(len(ids), dtype=bool)
+        members = {name for burst in self.bursts for name in burst.layouts}
+        plans = [plan for plan in self.messages if plan.layout.name in members]
+        places = [_rows(plan, ids, data, lengths, extended) for plan in plans]
+        state, images = NOTHING_OPEN, []
+        for row in np.sort(np.concatenate([*places, np.empty(0, dtype=np.int64)])).tolist():
+            frame = Frame(
+                due_ns=row,
+                arbitration_id=int(ids[row]),
+                data=data[row, : lengths[row]].tobytes(),
+                is_extended=extended is not None and bool(extended[row]),
+            )
+            state, ended = self.assemble(state, frame)
+            images += ended
+        for image in (*images, *left_over(self.bursts, state)):
+            broken[[frame.due_ns for frame in image.frames]] = not image.is_intact
+        return broken
 
     def quantities(self) -> set[str]:
         """Return the quantities that the profile carries."""

@@ -4,11 +4,13 @@ from typing import Annotated, Literal
 
 import msgspec
 
+from vsensor.profile.burst_config import BurstConfig
 from vsensor.profile.sending import GroupConfig, SendConfig
 from vsensor.schema import Config
 
 _HOUR_MS = 3_600_000
 _Bit = Annotated[int, msgspec.Meta(ge=0, le=63)]
+_DataId = Annotated[int, msgspec.Meta(ge=0, le=0xFFFFFFFF)]
 _Byte = Annotated[int, msgspec.Meta(ge=0, le=255)]
 
 
@@ -58,31 +60,58 @@ class SignalConfig(Config, frozen=True, kw_only=True):
 
 
 class E2eConfig(Config, frozen=True, kw_only=True):
-    """Protection of a message: signals of CRC and alive counter; profile and data id, if the DBC has none."""
+    """Protection of a message: signals of CRC and alive counter, either may be absent.
 
-    crc: str
-    counter: str
+    `profile` (an AUTOSAR profile or a plain checksum), `data_id` (one, or a list): if the DBC has none.
+    `counter_states`: values that the counter runs through, without a word all that its bits hold or what
+    the AUTOSAR profile says. The others: see `vsensor.e2e.guard`.
+    """
+
+    crc: str | None = None
+    counter: str | None = None
     profile: str | None = None
-    data_id: Annotated[int, msgspec.Meta(ge=0, le=0xFFFF)] | None = None
+    data_id: _DataId | tuple[_DataId, ...] | None = None
+    counter_states: Annotated[int, msgspec.Meta(ge=1)] | None = None
+    data_id_mode: str | None = None
+    offset: Annotated[int, msgspec.Meta(ge=0, le=63)] | None = None
+    start: Annotated[int, msgspec.Meta(ge=0)] | None = None
+    final_xor: Annotated[int, msgspec.Meta(ge=0)] | None = None
+    skip: tuple[Annotated[int, msgspec.Meta(ge=0, le=63)], ...] = ()
 
 
 class MessageConfig(Config, frozen=True, kw_only=True):
-    """One message: its signals (a string is short for a quantity), protection, timing if the DBC has none."""
+    """One message: its signals (a string is short for a quantity), protection, timing if the DBC has none.
 
-    signals: dict[str, SignalConfig | str]
+    `mux`: the pages of a multiplexed message leave together, or one after another from time to time.
+    `padding_byte` and `bitrate_switch`: see ProfileConfig.
+    """
+
+    signals: dict[str, SignalConfig | str] = msgspec.field(default_factory=dict)
     e2e: E2eConfig | None = None
     cycle_ms: Annotated[float, msgspec.Meta(ge=1, le=_HOUR_MS)] | None = None
     start_delay_ms: Annotated[float, msgspec.Meta(ge=0, le=_HOUR_MS)] | None = None
     send: SendConfig | None = None
+    mux: Literal["together", "rotate"] = "together"
+    padding_byte: _Byte | None = None
+    bitrate_switch: bool | None = None
 
 
 class ProfileConfig(Config, frozen=True, kw_only=True):
-    """A whole profile. `role` "sensor": what the sensor sends; "vehicle": what it listens to."""
+    """A whole profile. `role` "sensor": what the sensor sends; "vehicle": what it listens to.
 
-    messages: dict[str, MessageConfig]
+    `node`: all messages of this sender are sent, those that are not named with their start values.
+    `padding_byte` fills a CAN FD message up to a length that CAN FD has; `bitrate_switch` of CAN FD
+    messages, without a word what the DBC says, else on.
+    """
+
+    messages: dict[str, MessageConfig] = msgspec.field(default_factory=dict)
     description: str = ""
     role: Literal["sensor", "vehicle"] = "sensor"
     database: str | None = None
     geometry: GeometryConfig = GeometryConfig()
+    node: str | None = None
+    padding_byte: _Byte = 0
+    bitrate_switch: bool | None = None
+    bursts: dict[str, BurstConfig] = msgspec.field(default_factory=dict)
     groups: dict[str, GroupConfig] = msgspec.field(default_factory=dict)
     tables: dict[str, dict[str, int | str]] = msgspec.field(default_factory=dict)

@@ -92,7 +92,7 @@ def message_plan(
     plan = send_plan(
         layout,
         send,
-        [b.signal.name for b in bindings if not b.wrap],
+        [s.name for b in bindings if not b.wrap for s in b.signals],
         where,
         phase_ms=phases.get(layout.name, 0.0),
         start_delay_ms=config.start_delay_ms,

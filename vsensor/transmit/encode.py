@@ -1,36 +1,48 @@
 """Signal values on the bus into raw bits, and those into the bytes of frames."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from operator import itemgetter
-from typing import Any
-
-import numpy as np
 
 from vsensor.codec import Layout, SignalLayout, excess_range, float_bits, pack
 from vsensor.errors import ConfigError, DbcError
-from vsensor.profile import Binding, MessagePlan, Profile
-from vsensor.types import Array, BoolArray, Frame, IntArray, SignalValues
+from vsensor.profile import Binding, FrameKey, MessagePlan, Page, Profile
+from vsensor.transmit.rounding import WIDEST_EXACT_BITS, Rounding
+from vsensor.types import Frame, SensorMode, SignalValues
 
-_WIDEST_EXACT_BITS = 52  # a float64 holds such integers and their halves
+Places = Mapping[tuple[str, str], int]
+"""(message, signal) -> place of its bits in the list of raw bits."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Page:
+    """One frame ready to be filled: bits that never change, and (place in raws, shift) of the others."""
+
+    key: FrameKey
+    base: int
+    little: tuple[tuple[int, int], ...]
+    big: tuple[tuple[int, int], ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Message:
-    """One message ready to be filled: bits that never change, and (place in raws, shift) of the others."""
+    """One message: its pages (one, if nothing is multiplexed), all sent together or one after another."""
 
     plan: MessagePlan
-    base: int
-    little: tuple[tuple[int, int], ...]
-    big: tuple[tuple[int, int], ...]
+    pages: tuple[_Page, ...]
+    rotates: bool
+
+    def next_pages(self, counter: int) -> tuple[_Page, ...]:
+        """Return the pages to be sent after `counter` frames."""
+        return (self.pages[counter % len(self.pages)],) if self.rotates else self.pages
 
 
 class Encoder:
     """A profile compiled for encoding; immutable.
 
     All signals that are plain numbers are rounded in one go in numpy; tables, floats and signals of more
-    than 52 bits one by one. Raises ConfigError for what cannot be sent.
+    than 52 bits one by one. `places`: where the bits of each signal stand in what `raws` returns. Raises
+    ConfigError for what cannot be sent.
     """
 
     def __init__(self, profile: Profile) -> None:
@@ -38,14 +50,22 @@ class Encoder:
         _require_sendable(profile, bindings)
         fast = [item for item in bindings if _is_plain(item[1])]
         slow = [item for item in bindings if not _is_plain(item[1])]
-        self.rounding = _Rounding([binding for _, binding in fast])
+        self.rounding = Rounding([binding for _, binding in fast])
         self.slow = tuple(binding for _, binding in slow)
-        places = {(plan.layout.name, b.signal.name): k for k, (plan, b) in enumerate([*fast, *slow])}
-        validities = [(plan, v) for plan in profile.messages for v in plan.validities]
+        ordered = [(plan.layout.name, b) for plan, b in (*fast, *slow)]
+        places = {(message, b.signal.name): k for k, (message, b) in enumerate(ordered)}
+        validities = [(plan.layout.name, v) for plan in profile.messages for v in plan.validities]
         self.validities = tuple(validity for _, validity in validities)
-        for number, (plan, validity) in enumerate(validities):
-            places[plan.layout.name, validity.signal.name] = len(bindings) + number
+        for message, validity in validities:
+            places[message, validity.signal.name] = len(places)
+        parts = [(place, message, part) for place, (message, b) in enumerate(ordered) for part in b.parts]
+        self.parts = tuple((place, part.low, (1 << part.signal.length) - 1) for place, _, part in parts)
+        for _, message, part in parts:
+            places[message, part.signal.name] = len(places)
+        self.places: Places = places
+        self.by_mode = _by_mode([binding for _, binding in ordered])
         self.messages = tuple(_message(plan, places) for plan in profile.messages)
+        self.bursts = profile.bursts
 
     def raws(self, values: SignalValues) -> tuple[list[int], list[str]]:
         """Return the raw bits of all bindings, fast, slow, validities, and the names of saturated signals."""
@@ -59,6 +79,10 @@ class Encoder:
             lost = any(math.isnan(values.get(quantity, math.nan)) for quantity in validity.needs)
             raw = validity.invalid_raw if lost else validity.valid_raw
             raws.append(raw & ((1 << validity.signal.length) - 1))
+        for place, bits in self.by_mode.get(values.get("sensor.state", math.nan), ()):
+            raws[place] = bits
+        for place, low, mask in self.parts:
+            raws.append(raws[place] >> low & mask)
         return raws, saturated
 
     def frames(
@@ -69,37 +93,70 @@ class Encoder:
         `counters`: of each message of the profile, how many frames of it were sent before; the alive counter
         is that modulo its states.
         """
-        after, frames = list(counters), []
+        after = list(counters)
+        sent: list[tuple[MessagePlan, FrameKey, int, bytearray]] = []
         for place in due:
-            frames.append(_frame(self.messages[place], raws, after[place], due_ns))
-            after[place] += 1
-        return frames, tuple(after)
+            message = self.messages[place]
+            for page in message.next_pages(after[place]):
+                payload = _payload(page, message.plan, raws)
+                _protect(message.plan, payload, after[place])
+                sent.append((message.plan, page.key, after[place], payload))
+                after[place] += 1
+        if self.bursts:
+            self._seal(sent)
+        return [_frame(plan, payload, due_ns) for plan, _, _, payload in sent], tuple(after)
+
+    def _seal(self, sent: Sequence[tuple[MessagePlan, FrameKey, int, bytearray]]) -> None:
+        """Write the checksums over whole bursts, and once more what protects the frames that carry them."""
+        payloads = {key: payload for _, key, _, payload in sent}
+        for burst in self.bursts:
+            carrier = burst.close(payloads)
+            for plan, key, counter, payload in sent:
+                if key == carrier:
+                    _protect(plan, payload, counter)
 
 
-def _frame(message: _Message, raws: Sequence[int], counter: int, due_ns: int) -> Frame:
-    layout, guard = message.plan.layout, message.plan.guard
-    word = message.base
-    for place, shift in message.little:
+def _payload(page: _Page, plan: MessagePlan, raws: Sequence[int]) -> bytearray:
+    length = plan.layout.length
+    word = page.base
+    for place, shift in page.little:
         word |= raws[place] << shift
-    if message.big:
+    if page.big:
         big = 0
-        for place, shift in message.big:
+        for place, shift in page.big:
             big |= raws[place] << shift
-        word |= int.from_bytes(big.to_bytes(layout.length, "big"), "little")
-    if guard is None:
-        data = word.to_bytes(layout.length, "little")
-    else:
-        payload = bytearray(word.to_bytes(layout.length, "little"))
+        word |= int.from_bytes(big.to_bytes(length, "big"), "little")
+    return bytearray(word.to_bytes(length, "little"))
+
+
+def _protect(plan: MessagePlan, payload: bytearray, counter: int) -> None:
+    guard = plan.guard
+    if guard is not None:
         guard.protect(payload, counter % guard.counter_states)
-        data = bytes(payload)
+
+
+def _frame(plan: MessagePlan, payload: bytearray, due_ns: int) -> Frame:
+    layout = plan.layout
     return Frame(
         due_ns=due_ns,
         arbitration_id=layout.arbitration_id,
-        data=data,
+        data=bytes(payload) + plan.padding,
         is_extended=layout.is_extended,
         is_fd=layout.is_fd,
-        bitrate_switch=layout.is_fd,
+        bitrate_switch=plan.bitrate_switch,
     )
+
+
+def _slow_bits(binding: Binding, value: float) -> tuple[int, bool]:
+    signal = binding.signal
+    if signal.is_float:
+        value = abs(value) if binding.magnitude_sign else value
+        return float_bits(signal, value * binding.gain + binding.bias)
+    raw, clipped = binding.raw(value)
+    return raw & ((1 << signal.length) - 1), clipped
+
+
+# ---- compiling -------------------------------------------------------------------------------------
 
 
 def _require_sendable(profile: Profile, bindings: Sequence[tuple[MessagePlan, Binding]]) -> None:
@@ -108,111 +165,77 @@ def _require_sendable(profile: Profile, bindings: Sequence[tuple[MessagePlan, Bi
             f'{profile.path}: role = "{profile.role}": a profile that is sent has role "sensor"'
         )
     for plan, binding in bindings:
-        if binding.signal.mux_signal is not None:
-            where = f"{profile.path}: {plan.layout.name}.{binding.signal.name}"
-            raise ConfigError(f"{where}: a multiplexed signal can be decoded, not sent")
-        if excess := excess_range(binding.signal):
-            where = f"{profile.database}: {plan.layout.name}.{binding.signal.name}"
-            raise DbcError(f"{where}: {excess}; nobody can tell what an ECU reads there: mend the database")
+        for signal in binding.signals:
+            if signal.name in plan.layout.muxers:
+                where = f"{profile.path}: {plan.layout.name}.{signal.name}"
+                raise ConfigError(
+                    f"{where}: the multiplexer says which signals are in the frame and cannot carry "
+                    f"{binding.quantity}; leave it out, or give a constant"
+                )
+            if excess := excess_range(signal):
+                where = f"{profile.database}: {plan.layout.name}.{signal.name}"
+                raise DbcError(
+                    f"{where}: {excess}; nobody can tell what an ECU reads there: mend the database"
+                )
 
 
 def _is_plain(binding: Binding) -> bool:
     signal = binding.signal
-    return binding.raw_of_code is None and not signal.is_float and signal.length <= _WIDEST_EXACT_BITS
+    return binding.raw_of_code is None and not signal.is_float and signal.length <= WIDEST_EXACT_BITS
 
 
-def _slow_bits(binding: Binding, value: float) -> tuple[int, bool]:
-    signal = binding.signal
-    if signal.is_float:
-        return float_bits(signal, value * binding.gain + binding.bias)
-    raw, clipped = binding.raw(value)
-    return raw & ((1 << signal.length) - 1), clipped
+def _by_mode(bindings: Sequence[Binding]) -> dict[float, tuple[tuple[int, int], ...]]:
+    """Return which raw bits stand for all values in which state of the sensor."""
+    raws = {
+        key: tuple(
+            (place, raw & ((1 << binding.signal.length) - 1))
+            for place, binding in enumerate(bindings)
+            if (raw := getattr(binding, key)) is not None
+        )
+        for key in ("error_raw", "init_raw")
+    }
+    modes = {
+        SensorMode.INIT: "init_raw",
+        SensorMode.CALIBRATING: "init_raw",
+        SensorMode.BLOCKED: "error_raw",
+        SensorMode.FAILED: "error_raw",
+    }
+    return {float(mode): raws[key] for mode, key in modes.items() if raws[key]}
 
 
-def _message(plan: MessagePlan, places: Mapping[tuple[str, str], int]) -> _Message:
+def _message(plan: MessagePlan, places: Places) -> _Message:
+    pages = tuple(_page(plan, places, number, page) for number, page in enumerate(plan.pages))
+    return _Message(plan=plan, pages=pages, rotates=plan.mux == "rotate")
+
+
+def _page(plan: MessagePlan, places: Places, number: int, page: Page) -> _Page:
     layout = plan.layout
+    constants = {**plan.constants, **page}
+    present = {s.name for s in layout.signals.values() if layout.is_present(s, constants)}
     little: list[tuple[int, int]] = []
     big: list[tuple[int, int]] = []
-    for signal in [*(b.signal for b in plan.bindings), *(v.signal for v in plan.validities)]:
-        place, shift = places[layout.name, signal.name], _little_shift(layout, signal)
-        if shift is None:
-            big.append((place, signal.shift))
-        else:
-            little.append((place, shift))
-    return _Message(
-        plan=plan,
-        base=int.from_bytes(pack(layout, plan.constants), "little"),
+    for signal in _filled(plan):
+        if signal.name in present:
+            place, shift = places[layout.name, signal.name], _little_shift(layout, signal)
+            (big if shift is None else little).append((place, signal.shift if shift is None else shift))
+    base = pack(layout, {name: raw for name, raw in constants.items() if name in present})
+    return _Page(
+        key=(layout.name, number),
+        base=int.from_bytes(base, "little"),
         little=tuple(little),
         big=tuple(big),
     )
+
+
+def _filled(plan: MessagePlan) -> Iterator[SignalLayout]:
+    """Yield the signals whose bits are not the same in every frame."""
+    for binding in plan.bindings:
+        yield from binding.signals
+    for validity in plan.validities:
+        yield validity.signal
 
 
 def _little_shift(layout: Layout, signal: SignalLayout) -> int | None:
     """Return the shift in the little-endian integer; None for a big-endian signal of several bytes."""
     fits = not signal.big_endian or signal.shift % 8 + signal.length <= 8
     return layout.low_bit(signal) if fits else None
-
-
-class _Rounding:
-    """Rounds many plain signals at once; gives the same raw values as Binding.raw, one by one.
-
-    The bounds are in the quantity's own unit, so that nothing overflows on the way: lowest and highest
-    raw value (SNA excluded), widened by half a step where saturation is counted.
-    """
-
-    def __init__(self, bindings: Sequence[Binding]) -> None:
-        signals = [binding.signal for binding in bindings]
-        self.names = [signal.name for signal in signals]
-        self.sources = sorted({binding.quantity for binding in bindings if not binding.wrap})
-        self.wraps = sorted({(binding.quantity, binding.wrap) for binding in bindings if binding.wrap})
-        place: dict[Any, int] = {key: k for k, key in enumerate([*self.sources, *self.wraps])}
-        keys = [(b.quantity, b.wrap) if b.wrap else b.quantity for b in bindings]
-        self.take: IntArray = np.array([place[key] for key in keys], dtype=np.int64)
-        self.pick = itemgetter(*self.sources) if len(self.sources) > 1 else None
-        self.gain, self.bias = _row(b.gain for b in bindings), _row(b.bias for b in bindings)
-        self.offset, self.scale = _row(s.offset for s in signals), _row(s.scale for s in signals)
-        bounds = [_bounds(binding) for binding in bindings]
-        self.low, self.high = _row(b[0] for b in bounds), _row(b[1] for b in bounds)
-        half = np.abs(self.scale / self.gain) / 2
-        self.too_low, self.too_high = self.low - half, self.high + half
-        self.absent = _row(s.sna_raw if s.sna_raw is not None else s.start_raw for s in signals)
-        inner = [s.sna_raw for s in signals]
-        self.sna = _row(math.nan if raw is None else raw for raw in inner)
-        self.mask: IntArray = np.array([(1 << s.length) - 1 for s in signals], dtype=np.int64)
-
-    def raws(self, values: SignalValues) -> tuple[list[int], list[str]]:
-        """Return raw bits in the bindings' order, and the names of saturated signals."""
-        given = self._given(values)
-        quantity: Array = np.array(given)[self.take]
-        outside: BoolArray = (quantity < self.too_low) | (quantity > self.too_high)
-        inside = np.minimum(np.maximum(quantity, self.low), self.high)
-        raw = np.rint((inside * self.gain + self.bias - self.offset) / self.scale)
-        raw += raw == self.sna  # a number never says "not available"
-        raw = np.where(np.isnan(raw), self.absent, raw)
-        saturated = [self.names[k] for k in np.flatnonzero(outside)] if outside.any() else []
-        bits: list[int] = (raw.astype(np.int64) & self.mask).tolist()
-        return bits, saturated
-
-    def _given(self, values: SignalValues) -> list[float]:
-        """Return the values of all sources, then of the wrapping counts; NaN for those that are not there."""
-        try:
-            given = list(self.pick(values)) if self.pick else [values[name] for name in self.sources]
-        except KeyError:
-            given = [values.get(name, math.nan) for name in self.sources]
-        for name, modulus in self.wraps:
-            value = values.get(name, math.nan)
-            given.append(math.fmod(math.floor(value), modulus) if math.isfinite(value) else value)
-        return given
-
-
-def _row(values: Any) -> Array:
-    return np.array(list(values), dtype=np.float64)
-
-
-def _bounds(binding: Binding) -> tuple[float, float]:
-    signal = binding.signal
-    low, high = signal.raw_min, signal.raw_max
-    low += signal.sna_raw == low
-    high -= signal.sna_raw == high
-    ends = sorted((signal.physical(raw) - binding.bias) / binding.gain for raw in (low, high))
-    return ends[0], ends[1]
