@@ -67,7 +67,7 @@ def _with_count(message: MessageConfig, signal: str, where: str) -> MessageConfi
 
 def _replaced(message: MessageConfig, **changes: object) -> MessageConfig:
     fields = {name: getattr(message, name) for name in message.__struct_fields__}
-    return MessageConfig(**{**fields, **changes})  # type: ignore[arg-type]
+    return MessageConfig(**{**fields, **changes})
 
 
 def burst_of(name: str, config: BurstConfig, plans: Sequence[MessagePlan], path: str) -> Burst:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 from vsensor.codec import Layout, SignalLayout, unpack
 from vsensor.profile.pages import Page
@@ -28,7 +29,7 @@ class Seal:
     covers: tuple[tuple[FrameKey, tuple[int, ...]], ...]
     blank: int
 
-    def value(self, payloads: Mapping[FrameKey, bytes]) -> int:
+    def value(self, payloads: Mapping[FrameKey, bytes] | Mapping[FrameKey, bytearray]) -> int:
         """Return the checksum of these frames, as its signal holds it."""
         data = bytearray(self.before)
         for key, places in self.covers:
@@ -52,7 +53,7 @@ class Seal:
         word = int.from_bytes(payload, order) & ~mask | self.value(payloads) << self.signal.shift
         payload[:] = word.to_bytes(self.layout.length, order)
 
-    def _order(self) -> str:
+    def _order(self) -> Literal["little", "big"]:
         return "big" if self.signal.big_endian else "little"
 
 
@@ -68,7 +69,7 @@ class Burst:
     seal: Seal | None
 
     def close(self, payloads: Mapping[FrameKey, bytearray]) -> FrameKey | None:
-        """Write the checksum over a whole burst and return the frame that has it; None if nothing was done."""
+        """Write the checksum over a whole burst; return the frame that has it, None if nothing was done."""
         if self.seal is None or any(key not in payloads for key in self.frames):
             return None
         self.seal.write(payloads)

@@ -148,7 +148,7 @@ class Profile:
         members = {name for burst in self.bursts for name in burst.layouts}
         plans = [plan for plan in self.messages if plan.layout.name in members]
         places = [_rows(plan, ids, data, lengths, extended) for plan in plans]
-        state, images = NOTHING_OPEN, []
+        state, images = NOTHING_OPEN, list[Image]()
         for row in np.sort(np.concatenate([*places, np.empty(0, dtype=np.int64)])).tolist():
             frame = Frame(
                 due_ns=row,
