@@ -23,7 +23,7 @@ ORDER = """
     / sources sinks
     / config
     / line
-    / runner
+    / runner realtime
     / replay score
     / study
     / plots

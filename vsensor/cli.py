@@ -115,6 +115,7 @@ def _run(arguments: argparse.Namespace, stopped: Callable[[], bool]) -> int:
         image_every=arguments.image_every,
         video=arguments.video,
         fast=arguments.fast,
+        realtime=arguments.realtime,
         profile=arguments.profile,
         dbc=arguments.dbc,
         table=sys.stdout.isatty() and not arguments.quiet,
@@ -251,6 +252,9 @@ def _add_run(commands: "Commands") -> None:
     added.add_argument("--video", type=Path, metavar="FILE", help="every tick: .mp4, or .avi without loss")
     added.add_argument("--duration", type=_positive, metavar="S", help="end after S seconds (the scenario's)")
     added.add_argument("--fast", action="store_true", help="simulated clock, as quickly as it goes; no bus")
+    added.add_argument(
+        "--realtime", action="store_true", help="real-time priority and locked memory, where allowed"
+    )
     added.add_argument("--seed", type=_seed, metavar="N", help="seed of all random draws (the scenario's)")
     added.add_argument("--profile", metavar="NAME", help="bus profile, shipped name or file")
     added.add_argument("--dbc", type=Path, metavar="FILE", help="the database that the profile maps")

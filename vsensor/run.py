@@ -2,7 +2,6 @@
 
 import contextlib
 import ctypes
-import gc
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from vsensor.draws import Draws
 from vsensor.errors import BusError, ConfigError
 from vsensor.line import Line, build_line, tick_count
 from vsensor.profile import quantisation_error_m
+from vsensor.realtime import calm_collector, real_time_priority
 from vsensor.runner import Summary, run_loop
 from vsensor.sinks import Sink
 from vsensor.types import Tick
@@ -42,6 +42,7 @@ class RunOptions:
     dbc: Path | None = None
     table: bool = False
     progress: bool = False
+    realtime: bool = False
 
 
 def run_scenario(
@@ -59,6 +60,7 @@ def run_scenario(
         bus = _bus(options, line)
         if bus is not None:
             stack.callback(bus.close)
+            bus.tell(say)
         _keep_memory()
         _warm_up(line, period_ns)
         clock: Clock = SimulatedClock() if options.fast else MonotonicClock()
@@ -70,9 +72,14 @@ def run_scenario(
         for text in (*line.source.notes, *line.source.findings, *line.uneven(period_ns)):
             say(text)
         advance = stack.enter_context(_progress(options, ticks, period_ns))
-        gc.collect()
-        gc.freeze()  # what is loaded now stays: the collector need not look at it in the cycle
-        stack.callback(gc.unfreeze)
+        if options.realtime:
+            stack.enter_context(real_time_priority(say))
+        look_for_garbage = stack.enter_context(calm_collector())
+
+        def on_tick(ticks_done: int) -> None:
+            advance(ticks_done)
+            look_for_garbage(ticks_done)
+
         start_ns = clock.now_ns() + START_UP_NS
         _tell_start(sinks, epoch_offset_ns() + (MonotonicClock().now_ns() if options.fast else start_ns))
         summary = run_loop(
@@ -84,7 +91,7 @@ def run_scenario(
             bus=bus,
             sinks=sinks,
             stop=stopped,
-            on_tick=advance,
+            on_tick=on_tick,
             real_time=not options.fast,
         )
     if bus is not None:
@@ -126,6 +133,8 @@ def _require_places(scenario: Scenario, options: RunOptions) -> None:
         from vsensor.sinks.trace_file import writer_for
 
         writer_for(options.trace)
+    if options.realtime and options.fast:
+        raise ConfigError("--realtime and --fast exclude each other: --fast takes no time at all")
     if (options.images or options.video) and not options.fast:
         raise ConfigError("--images and --video need --fast: an image takes longer than a cycle to draw")
 
