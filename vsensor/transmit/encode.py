@@ -106,6 +106,11 @@ class Encoder:
             self._seal(sent)
         return [_frame(plan, payload, due_ns) for plan, _, _, payload in sent], tuple(after)
 
+    def contents(self, place: int, raws: Sequence[int]) -> tuple[bytes, ...]:
+        """Return the data of all pages of the message at `place`, without counter and checksums."""
+        message = self.messages[place]
+        return tuple(bytes(_payload(page, message.plan, raws)) for page in message.pages)
+
     def _seal(self, sent: Sequence[tuple[MessagePlan, FrameKey, int, bytearray]]) -> None:
         """Write the checksums over whole bursts, and once more what protects the frames that carry them."""
         payloads = {key: payload for _, key, _, payload in sent}

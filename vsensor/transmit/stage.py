@@ -109,12 +109,11 @@ class _Image:
         """Return what there is to each eventful message."""
         if self._happenings is None:
             sender = self._transmitter
-            none_sent = (0,) * len(sender.profile.messages)
-            frames, _ = sender.encoder.frames(sender.eventful, self.raws(), none_sent, 0)
-            plans = [sender.profile.messages[k] for k in sender.eventful]
             self._happenings = tuple(
-                _happening(plan, mask, frame.data, self._values)
-                for plan, mask, frame in zip(plans, sender.masks, frames, strict=True)
+                _happening(
+                    sender.profile.messages[k], mask, sender.encoder.contents(k, self.raws()), self._values
+                )
+                for k, mask in zip(sender.eventful, sender.masks, strict=True)
             )
         return self._happenings
 
@@ -151,8 +150,9 @@ def _step_all(
     return tuple(after), due
 
 
-def _happening(plan: MessagePlan, mask: int, data: bytes, values: SignalValues) -> Happening:
-    on_bus = unpack(plan.layout, data)
+def _happening(plan: MessagePlan, mask: int, pages: tuple[bytes, ...], values: SignalValues) -> Happening:
+    on_bus = {name: raw for data in pages for name, raw in unpack(plan.layout, data).items()}
+    shift = 8 * plan.layout.length
     active = any(
         condition.holds(
             _physical(plan, condition.subject, on_bus)
@@ -162,7 +162,7 @@ def _happening(plan: MessagePlan, mask: int, data: bytes, values: SignalValues) 
         for condition in plan.sending.active
     )
     return Happening(
-        watched=int.from_bytes(data, "little") & mask,
+        watched=sum((int.from_bytes(data, "little") & mask) << shift * k for k, data in enumerate(pages)),
         written=values.get("image.index", 0.0),
         active=active,
     )
