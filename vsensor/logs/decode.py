@@ -7,7 +7,6 @@ from enum import IntEnum
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vsensor.errors import LogError
 from vsensor.logs.read import read_log
@@ -111,7 +110,7 @@ def decode_log(path: Path | str, profiles: Sequence[Profile]) -> DecodedTable:
     used = table.columns.taken(mask)
     extended = (used.flags & 1).astype(bool)
     columns: dict[str, Column] = {}
-    findings = list(table.report.lines())
+    findings, kinds = list(table.report.lines()), used.arbitration_id.astype(np.int64)
     for profile in profiles:
         wanted = {plan.layout.arbitration_id for plan in profile.messages}
         known = int(np.isin(used.arbitration_id, list(wanted)).sum())
@@ -121,16 +120,18 @@ def decode_log(path: Path | str, profiles: Sequence[Profile]) -> DecodedTable:
         columns |= {
             name: column for name, column in checked.items() if name not in columns and len(column.rows)
         }
+        found = profile.frame_kinds(used.arbitration_id, used.data, used.length, extended=extended)
+        kinds = np.maximum(kinds, found)
         findings += _losses(profile, table, mask, known)
     if not columns:
         raise LogError(_nothing(table, profiles))
-    return _by_row(columns, used, tuple(findings))
+    return _by_row(columns, used, kinds, tuple(findings))
 
 
 def _losses(profile: Profile, table: LogTable, mask: BoolArray, known: int) -> list[str]:
     """Return how many frames with an id of the profile were refused: too short, or with a wrong CRC."""
     used = table.columns.taken(mask)
-    bad = 0
+    bad, said = 0, "too short or wrong CRC"
     for plan in profile.messages:
         layout = plan.layout
         rows = (used.arbitration_id == layout.arbitration_id) & (used.flags & 1 == layout.is_extended)
@@ -141,9 +142,12 @@ def _losses(profile: Profile, table: LogTable, mask: BoolArray, known: int) -> l
         if guard is not None and len(whole) and used.data.shape[1] >= layout.length:
             right = guard.check_bulk(used.data[whole, : layout.length])
             bad += int(np.count_nonzero(~right))
-    return (
-        [f"{bad} of {known} frames of profile {profile.name} left out: too short or wrong CRC"] if bad else []
-    )
+    if profile.bursts:
+        extended = (used.flags & 1).astype(bool)
+        broken = profile.broken_rows(used.arbitration_id, used.data, used.length, extended=extended)
+        torn = int(np.count_nonzero(broken))
+        bad, said = max(bad, torn), "too short, wrong CRC, or of an image that is not intact"
+    return [f"{bad} of {known} frames of profile {profile.name} left out: {said}"] if bad else []
 
 
 def _nothing(table: LogTable, profiles: Sequence[Profile]) -> str:
@@ -155,10 +159,12 @@ def _nothing(table: LogTable, profiles: Sequence[Profile]) -> str:
     return f"{table.report.path}: holds no intact frame of {looked}; it has {len(ids)} ids: {shown}"
 
 
-def _by_row(columns: dict[str, Column], used: Columns, findings: tuple[str, ...]) -> DecodedTable:
-    """Put every quantity's values into the row of its burst."""
+def _by_row(
+    columns: dict[str, Column], used: Columns, kinds: IntArray, findings: tuple[str, ...]
+) -> DecodedTable:
+    """Put every quantity's values into the row of its burst; `kinds` (N,): see Profile.frame_kinds."""
     rows = np.unique(np.concatenate([column.rows for column in columns.values()]))
-    starts = rows[_burst_starts(used.t_ns[rows], used.arbitration_id[rows])]
+    starts = rows[_burst_starts(used.t_ns[rows], kinds[rows])]
     ordered = [name for name in QUANTITIES if name in columns]
     ordered += sorted(set(columns) - set(ordered))
     values: dict[str, Array] = {}
@@ -169,12 +175,12 @@ def _by_row(columns: dict[str, Column], used: Columns, findings: tuple[str, ...]
     return DecodedTable(t_ns=used.t_ns[starts], columns=values, findings=findings)
 
 
-def _burst_starts(t_ns: IntArray, ids: NDArray[np.uint32]) -> list[int]:
-    """Return the places of the frames that begin a row: after a pause, or a message that the row has."""
+def _burst_starts(t_ns: IntArray, kinds: IntArray) -> list[int]:
+    """Return the places of the frames that begin a row: after a pause, or a kind that the row has."""
     pause = np.concatenate([[True], np.diff(t_ns) > BURST_NS])
     starts: list[int] = []
     seen: set[int] = set()
-    for place, (identifier, paused) in enumerate(zip(ids.tolist(), pause.tolist(), strict=True)):
+    for place, (identifier, paused) in enumerate(zip(kinds.tolist(), pause.tolist(), strict=True)):
         if paused or identifier in seen:
             starts.append(place)
             seen.clear()

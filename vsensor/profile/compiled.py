@@ -162,6 +162,25 @@ class Profile:
             broken[[frame.due_ns for frame in image.frames]] = not image.is_intact
         return broken
 
+    def frame_kinds(
+        self,
+        ids: NDArray[np.uint32],
+        data: CodeArray,
+        lengths: CodeArray,
+        *,
+        extended: BoolArray | None = None,
+    ) -> IntArray:
+        """Return a number (N,) for each frame that those of another message or another page do not have."""
+        kinds = ids.astype(np.int64)
+        for plan in self.messages:
+            rows = _rows(plan, ids, data, lengths, extended) if len(plan.pages) > 1 else np.empty(0, np.int64)
+            if len(rows):
+                reader = BulkReader(plan.layout, data[rows, : plan.layout.length])
+                for number, page in enumerate(plan.pages):
+                    mine = np.all([reader.raw(name) == raw for name, raw in page.items()], axis=0)
+                    kinds[rows[mine]] += (number + 1) << 32
+        return kinds
+
     def quantities(self) -> set[str]:
         """Return the quantities that the profile carries."""
         return {binding.quantity for plan in self.messages for binding in plan.bindings}

@@ -19,7 +19,9 @@ class GeometryConfig(Config, frozen=True, kw_only=True):
 
     `positive` to the left or right; `origin` of the polynomial on the vehicle's centreline (or
     `origin_x_m`, ahead of the rear axle); `edge` of the marking; `heading` a slope or an angle;
-    `curvature` 2 c2 or the true 2 c2 / (1 + c1^2)^1.5; `range_start` measured or always zero.
+    `curvature` 2 c2 or the true 2 c2 / (1 + c1^2)^1.5; `range_start` measured or always zero;
+    `pose` of the vehicle that a line is described from: at the exposure, or motion-compensated to the
+    send time (it tells only where the output has a latency).
     """
 
     positive: Literal["left", "right"] = "left"
@@ -29,6 +31,7 @@ class GeometryConfig(Config, frozen=True, kw_only=True):
     heading: Literal["slope", "angle"] = "slope"
     curvature: Literal["2c2", "true"] = "2c2"
     range_start: Literal["measured", "zero"] = "measured"
+    pose: Literal["exposure", "send"] = "exposure"
 
 
 class SignalConfig(Config, frozen=True, kw_only=True):
