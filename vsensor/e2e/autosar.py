@@ -1,59 +1,154 @@
-"""AUTOSAR's E2E profiles: headers at a fixed place, by the package autosar-e2e where it has them."""
+"""Guards of AUTOSAR's E2E profiles.
 
-from collections.abc import Callable, Mapping
+What is sent is made by the package autosar-e2e (all but P22); what is received is checked by our own tables.
+"""
+
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
-from e2e.p01 import e2e_p01_check, e2e_p01_protect
+from e2e import p01, p11
 
 from vsensor.e2e.checksums import crc_sum
-from vsensor.e2e.crc import CRC8_J1850
-from vsensor.e2e.field import Field
-from vsensor.e2e.guard import Guard, Wanted, build
+from vsensor.e2e.field import Field, writer
+from vsensor.e2e.guard import Guard, Protect, Wanted, build
+from vsensor.e2e.layouts import DATA_ID_MODES, LAYOUTS, Profile
 from vsensor.errors import ConfigError
 
+_LIST_LENGTH = 16
+_LONGEST_MESSAGE = 4096  # bytes; CAN FD has 64
+_P01_MODES = {
+    "both": p01.E2E_P01_DATAID_BOTH,
+    "alternating": p01.E2E_P01_DATAID_ALT,
+    "low": p01.E2E_P01_DATAID_LOW,
+    "nibble": p01.E2E_P01_DATAID_NIBBLE,
+}
+_P11_MODES = {"both": p11.E2E_P11_DATAID_BOTH, "nibble": p11.E2E_P11_DATAID_NIBBLE}
 
-def _p01(wanted: Wanted) -> Guard:
-    data_id, offset = wanted.data_id, wanted.offset
-    if offset is None:
-        offset = 0 if wanted.checksum is None else wanted.checksum.low_bit // 8
-    checksum, counter = Field(8 * offset, 8), Field(8 * offset + 8, 4)
-    for what, found, own in (("checksum", wanted.checksum, checksum), ("counter", wanted.counter, counter)):
-        if found is not None and (found.low_bit, found.length) != (own.low_bit, own.length):
-            raise ConfigError(
-                f"{what} has {found.length} bits at {found.low_bit}, "
-                f"e2e {wanted.name} puts {own.length} bits at {own.low_bit}"
-            )
-    if data_id is None:
-        raise ConfigError(f"e2e {wanted.name} needs a data id")
-    if not isinstance(data_id, int) or not 0 <= data_id <= 0xFFFF:
-        raise ConfigError(f"e2e {wanted.name}: data_id = {data_id}, 0 to 65535 was expected")
-    length, header = wanted.length, offset + 1
 
-    def protect(data: bytearray, count: int) -> None:
-        data[header] = data[header] & 0xF0 | count
-        e2e_p01_protect(data, data_id, offset=offset, increment_counter=False)
-
-    def check(data: bytes) -> bool:
-        if len(data) != length or data[header] & 0x0F > 14:
-            return False
-        return bool(e2e_p01_check(bytearray(data), data_id, offset=offset))
-
-    total = crc_sum(
-        CRC8_J1850,
-        Wanted(name="", length=length, start=0, final_xor=0),
-        frozenset([offset]),
-        np.full(length, 0xFF, dtype=np.uint8),
-        before=data_id.to_bytes(2, "little"),
-    )
+def profile_guard(wanted: Wanted) -> Guard:
+    """Return the guard of an AUTOSAR profile."""
+    wanted.refuse("start", "final_xor", "skip", "counter_states")
+    profile, mode = LAYOUTS[wanted.name], _mode(wanted)
+    offset = _offset(wanted, profile)
+    checksum, counter = profile.field(offset, profile.checksum), profile.field(offset, profile.counter)
+    _require_place(wanted, "checksum", wanted.checksum, checksum)
+    _require_place(wanted, "counter", wanted.counter, counter)
+    ids = _data_ids(wanted, profile, mode)
+    around = _around(wanted.name, profile, mode, ids)
+    own = frozenset(checksum.masks())
+    kept = np.full(wanted.length, 0xFF, dtype=np.uint8)
     return build(
         wanted,
         checksum=checksum,
         counter=counter,
-        counter_states=15,
-        total=total,
-        protect=protect,
-        check=check,
+        counter_states=profile.states,
+        total=crc_sum(profile.crc, wanted, own, kept, around=around),
+        constants=_constants(wanted, profile, mode, offset, ids[0]),
+        protect=_library(wanted, profile, mode, offset, writer(counter)),
     )
 
 
-PROFILES: Mapping[str, Callable[[Wanted], Guard]] = {"P01": _p01}
+def _mode(wanted: Wanted) -> str:
+    modes = DATA_ID_MODES.get(wanted.name)
+    if modes is None:
+        wanted.refuse("data_id_mode")
+        return ""
+    mode = wanted.data_id_mode or "both"
+    if mode not in modes:
+        raise ConfigError(f"e2e {wanted.name}: data_id_mode {mode!r}, {', '.join(modes)} were expected")
+    return mode
+
+
+def _offset(wanted: Wanted, profile: Profile) -> int:
+    """Return the header's first byte: as said, or so that the checksum lies where it is said to be."""
+    offset = wanted.offset
+    if offset is None:
+        own = wanted.checksum.masks() if wanted.checksum is not None else {}
+        offset = max(0, min(own, default=0) - profile.checksum[0]) if own else 0
+    if not 1 <= wanted.length <= _LONGEST_MESSAGE or not 0 <= offset <= wanted.length - profile.bytes:
+        raise ConfigError(
+            f"e2e {wanted.name}: {profile.bytes} bytes of header from byte {offset} on "
+            f"do not fit into {wanted.length} bytes"
+        )
+    if wanted.name == "P02" and offset:
+        raise ConfigError(f"e2e P02: the header lies at byte 0, not {offset}; P22 has an offset")
+    return offset
+
+
+def _require_place(wanted: Wanted, what: str, found: Field | None, own: Field) -> None:
+    if found is None or found.pieces() == own.pieces():
+        return
+    order = "" if own.length <= 8 else ", big-endian" if own.big_endian else ", little-endian"
+    raise ConfigError(
+        f"{what} has {found.length} bits at {found.low_bit}, "
+        f"e2e {wanted.name} puts {own.length} bits at {own.low_bit}{order}"
+    )
+
+
+def _data_ids(wanted: Wanted, profile: Profile, mode: str) -> tuple[int, ...]:
+    """Return the data id, or the list of 16 of them."""
+    given = wanted.data_id
+    if given is None:
+        raise ConfigError(f"e2e {wanted.name} needs a data id")
+    if profile.id_bits == 0:
+        if not isinstance(given, tuple) or len(given) != _LIST_LENGTH:
+            raise ConfigError(f"e2e {wanted.name}: data_id: a list of {_LIST_LENGTH} was expected")
+        ids, most = given, 0xFF
+    else:
+        if isinstance(given, tuple):
+            raise ConfigError(f"e2e {wanted.name}: data_id is a list, one number was expected")
+        ids, most = (given,), 0xFFF if mode == "nibble" else (1 << profile.id_bits) - 1
+    for number in ids:
+        if isinstance(number, bool) or not 0 <= number <= most:
+            raise ConfigError(f"e2e {wanted.name}: data_id = {number}, 0 to {most} were expected")
+    return ids
+
+
+def _around(name: str, profile: Profile, mode: str, ids: tuple[int, ...]) -> tuple[tuple[bytes, bytes], ...]:
+    """Return what the CRC takes in before and after the data, for each value of the counter if it matters."""
+    if len(ids) > 1:
+        return tuple((b"", bytes([number])) for number in ids)
+    if name not in DATA_ID_MODES:
+        order = profile.id_order
+        after = b"" if not order else ids[0].to_bytes(2, "little" if order == "little" else "big")
+        return ((b"", after),)
+    low, high = bytes([ids[0] & 0xFF]), bytes([ids[0] >> 8])
+    before = {"both": [low + high], "alternating": [low, high], "low": [low], "nibble": [low + b"\0"]}
+    return tuple((head, b"") for head in before[mode])
+
+
+def _constants(
+    wanted: Wanted, profile: Profile, mode: str, offset: int, data_id: int
+) -> tuple[tuple[Field, int], ...]:
+    constants = []
+    if mode == "nibble":
+        constants.append((Field(8 * (offset + 1) + 4, 4), data_id >> 8))
+    if profile.length is not None:
+        constants.append((profile.field(offset, profile.length), wanted.length))
+    if profile.data_id is not None:
+        constants.append((profile.field(offset, profile.data_id), data_id))
+    return tuple(constants)
+
+
+def _library(
+    wanted: Wanted, profile: Profile, mode: str, offset: int, write: Callable[[bytearray, int], None]
+) -> Protect | None:
+    """Return autosar-e2e's way to protect; None if it has none. It counts up only if asked to: we count."""
+    library = profile.protect
+    if library is None:
+        return None
+    settings: dict[str, Any] = {"increment_counter": False}
+    data_id: Any = wanted.data_id
+    if wanted.name in DATA_ID_MODES and mode != "both":
+        settings["data_id_mode"] = (_P01_MODES if wanted.name == "P01" else _P11_MODES)[mode]
+    if offset:
+        settings["offset"] = offset
+    if profile.id_bits == 0:
+        data_id = bytes(data_id)
+
+    def protect(data: bytearray, count: int) -> None:
+        write(data, count)
+        library(data, data_id, **settings)
+
+    return protect

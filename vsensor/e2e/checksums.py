@@ -54,7 +54,7 @@ class CrcChecksum:
         if data_id is None and self.with_id:
             data_id = wanted.arbitration_id
         after = b"" if data_id is None else _low_high(_number(wanted, data_id))
-        return crc_sum(self.crc, wanted, left_out, kept, after=(after,))
+        return crc_sum(self.crc, wanted, left_out, kept, around=((b"", after),))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,19 +145,19 @@ def crc_sum(
     left_out: frozenset[int],
     kept: NDArray[np.uint8],
     *,
-    before: bytes = b"",
-    after: tuple[bytes, ...] = (b"",),
+    around: tuple[tuple[bytes, bytes], ...],
 ) -> ByteSum:
-    """Return a CRC over `before`, the bytes of a message that are not left out, and `after`.
+    """Return a CRC over bytes before, the bytes of a message that are not left out, and bytes after it.
 
-    `after` may have one entry for each counter, all of one length. Bits that are not `kept` count as 0.
+    `around`: what comes before and after, one pair, or one for each counter (of them in turn), all of the
+    same lengths. Bits that are not `kept` count as 0.
     """
     places = [byte for byte in range(wanted.length) if byte not in left_out]
     rows = np.zeros((wanted.length, 256), dtype=np.uint64)
-    for byte, row in zip(places, crc.shares(len(places), len(after[0])), strict=True):
+    for byte, row in zip(places, crc.shares(len(places), len(around[0][1])), strict=True):
         rows[byte] = row[np.arange(256) & int(kept[byte])]
-    zeros = before + bytes(len(places))
-    rest = [crc(zeros + end, start=wanted.start, final_xor=wanted.final_xor) for end in after]
+    zeros = bytes(len(places))
+    rest = [crc(head + zeros + end, start=wanted.start, final_xor=wanted.final_xor) for head, end in around]
     return ByteSum(bits=crc.bits, xor=True, shares=rows, rest=tuple(rest))
 
 

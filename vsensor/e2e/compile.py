@@ -3,13 +3,14 @@
 import difflib
 from typing import Any
 
-from vsensor.e2e.autosar import PROFILES
+from vsensor.e2e.autosar import profile_guard
 from vsensor.e2e.checksums import CHECKSUMS, plain_guard
 from vsensor.e2e.field import Field
 from vsensor.e2e.guard import Guard, Wanted
+from vsensor.e2e.layouts import LAYOUTS
 from vsensor.errors import ConfigError
 
-NAMES: tuple[str, ...] = (*PROFILES, *CHECKSUMS, "counter")
+NAMES: tuple[str, ...] = (*LAYOUTS, *CHECKSUMS, "counter")
 """All protections."""
 
 
@@ -30,8 +31,8 @@ def guard(
 ) -> Guard:
     """Return the protection `name` of messages of `length` bytes.
 
-    AUTOSAR profiles ("P01" ...): `data_id` and, for some, `data_id_mode`; the header lies at byte `offset`,
-    or where `checksum` says; `checksum` and `counter` must lie where the profile puts them.
+    AUTOSAR profiles ("P01" ...): `data_id` (P02, P22: a list of 16) and, for P01 and P11, `data_id_mode`; the
+    header lies at byte `offset`, or where `checksum` says; both fields must lie where the profile puts them.
     Plain checksums (`CHECKSUMS`) and "counter" (no checksum): at the places given; `counter_states` is how
     many values the counter runs through, all that its bits hold if not said. `data_id` is put after the
     data of a CRC; `start`, `final_xor` replace its own; bytes in `skip` are left out.
@@ -52,12 +53,13 @@ def guard(
         final_xor=final_xor,
         skip=skip,
     )
-    if name in PROFILES:
-        return PROFILES[name](wanted)
+    if name in LAYOUTS:
+        return profile_guard(wanted)
     if name in CHECKSUMS or name == "counter":
         return plain_guard(wanted)
     near = difflib.get_close_matches(name, NAMES, n=1)
-    raise ConfigError(f"e2e profile {name!r} is not known" + (f"; did you mean {near[0]!r}?" if near else ""))
+    end = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(NAMES)}"
+    raise ConfigError(f"e2e profile {name!r} is not known; {end}")
 
 
 def remade(settings: dict[str, Any]) -> Guard:

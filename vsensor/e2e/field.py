@@ -74,6 +74,14 @@ def writer(field: Field) -> Callable[[bytearray, int], None]:
         for byte, low, bits, place in field.pieces()
     ]
 
+    if len(pieces) == 1:
+        byte, low, others, *_ = pieces[0]
+
+        def write_one(data: bytearray, value: int) -> None:
+            data[byte] = data[byte] & others | value << low
+
+        return write_one
+
     def write(data: bytearray, value: int) -> None:
         for byte, low, others, mask, place in pieces:
             data[byte] = data[byte] & others | (value >> place & mask) << low

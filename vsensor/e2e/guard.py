@@ -162,7 +162,7 @@ def _check(
         count = 0 if read_counter is None else read_counter(data)
         if read_counter is not None and count >= counter_states:
             return False
-        if any(read(data) != value for read, value in fixed):
+        if fixed and any(read(data) != value for read, value in fixed):
             return False
         return read_checksum is None or single is None or read_checksum(data) == single(data, count)
 
