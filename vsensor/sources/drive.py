@@ -11,9 +11,10 @@ import numpy as np
 
 from vsensor.errors import LogError
 from vsensor.logs import LogTable, read_log
-from vsensor.profile import Profile, load_profiles
-from vsensor.schema import Config, user_path
+from vsensor.profile import Profile
+from vsensor.schema import Config
 from vsensor.sources import Inputs
+from vsensor.sources.profiles import profiles_of
 from vsensor.types import (
     NANOSECONDS_PER_SECOND,
     Array,
@@ -82,7 +83,7 @@ def load_drive(log: Path, config: DriveConfig, folder: Path = Path()) -> Drive:
     Raises LogError (missing, unknown, infinite or silent signals, naming time and signal), ConfigError
     and DbcError (profile).
     """
-    profiles = load_profiles([_in_folder(name, folder) for name in config.profile], _dbc(config, folder))
+    profiles = profiles_of(config.profile, config.dbc, folder)
     table = read_log(log)
     signals = _signals(table, profiles, config)
     times_ns, speed = signals[SPEED]
@@ -99,15 +100,6 @@ def load_drive(log: Path, config: DriveConfig, folder: Path = Path()) -> Drive:
     findings = table.report.problems()
     notes = [line for line in table.report.lines() if line not in findings]
     return Drive(path=path, offset=offset, notes=(*notes, removed), findings=tuple(findings))
-
-
-def _in_folder(name: str, folder: Path) -> str:
-    """Return a profile's path from the scenario's folder; a shipped name stays as it is."""
-    return str(folder / user_path(name)) if Path(name).suffix else name
-
-
-def _dbc(config: DriveConfig, folder: Path) -> Path | None:
-    return None if config.dbc is None else folder / user_path(config.dbc)
 
 
 def _offset(config: DriveConfig, t_ns: IntArray, rate: Array, speed: Array) -> OffsetEstimate:

@@ -28,7 +28,11 @@ OFFSET_STEP_M = 10.0
 
 
 class EgoConfig(Config, frozen=True, kw_only=True):
-    """`[ego]`: where the drive starts, how fast, and how far to the left of the lane's centre."""
+    """`[ego]`: where the drive starts, how fast, and how far to the left of the lane's centre.
+
+    `control`: what moves it from there: "lane" speed and offset alone, else what comes from the bus (see
+    `sources.live`).
+    """
 
     road: str = "auto"
     lane: int | Literal["auto"] = "auto"
@@ -37,6 +41,7 @@ class EgoConfig(Config, frozen=True, kw_only=True):
     lane_type: str = "driving"
     speed_kmh: Points = 100.0
     offset_m: Points = 0.0
+    control: Literal["lane", "motion", "pose", "steering"] = "lane"
 
     def corridor(self) -> CorridorConfig:
         """Return where the corridor begins and which way it goes.
@@ -95,7 +100,7 @@ class MapDrive:
         shapes = Shapes(folder)
         self._vehicles = tuple(vehicle(config, number, shapes) for number, config in enumerate(traffic))
         self._standing = Standing(corridor, obstacles, shapes, first_id=len(traffic))
-        self._environment = environment if environment is not None else Environment()
+        self.environment = environment if environment is not None else Environment()
         self._view_m = LONGER_THAN_X * range_m + BEHIND_M
         self._lane_offsets: dict[tuple[int, int], float] = {}
 
@@ -152,14 +157,33 @@ class MapDrive:
         s_m = self._speed.integral(t_s)
         if not self.corridor.reaches(s_m):
             return None, None
+        return None, Snapshot(t_ns=tick.t_ns, ego=self._ego(tick.t_ns, t_s, s_m), scene=self.scene(t_s, s_m))
+
+    def scene(self, t_s: float, s_m: float) -> Scene:
+        """Return what is near the distance `s_m` at a time."""
         view = s_m - BEHIND_M, s_m + self._view_m
-        scene = Scene(
+        return Scene(
             markings=self.corridor.markings_window(*view),
             surface=self.corridor.surface_window(*view),
             obstacles=self._obstacles(t_s, s_m) + self._standing.near(s_m, self._view_m),
-            environment=self._environment,
+            environment=self.environment,
         )
-        return None, Snapshot(t_ns=tick.t_ns, ego=self._ego(tick.t_ns, t_s, s_m), scene=scene)
+
+    def start(self) -> EgoState:
+        """Return the vehicle at the start, standing."""
+        ego = self._ego(0, 0.0, 0.0)
+        return EgoState(
+            t_ns=0,
+            position_world_m=ego.position_world_m,
+            roll_rad=ego.roll_rad,
+            pitch_rad=ego.pitch_rad,
+            yaw_rad=ego.yaw_rad,
+            speed_mps=0.0,
+        )
+
+    def speed_mps(self, t_s: float) -> float:
+        """Return the speed that the scenario gives at a time."""
+        return self._speed.value(t_s)
 
     def _ego(self, t_ns: int, t_s: float, s_m: float) -> EgoState:
         """Return the ego's pose: the lane's plus the offset, its heading turned into the path's direction.

@@ -98,6 +98,11 @@ class Corridor:
                 return math.inf
         return self._blocks.end_m
 
+    @cached_property
+    def lap_m(self) -> float:
+        """Length of the route; of one that returns to itself a round, and up to a piece of road more."""
+        return self._blocks.end_m if self.length_m == math.inf else self.length_m
+
     def poses(self, s_m: Array, offset_m: Array | float = 0.0) -> Poses:
         """Return poses (N,) at distances (N,), `offset_m` to the left of the lane's middle.
 

@@ -1,0 +1,220 @@
+"""A drive over a map whose vehicle, light and rain come from the bus.
+
+    inputs --listening--> Listened, News --control--> Motion --placing--> Foot on the route --> Snapshot
+    frames                 values, times              x, y, yaw            road below, what is near
+
+`[ego] control`: "motion" integrates speed and yaw rate, "pose" takes the pose itself, "steering" drives a
+single-track vehicle, "lane" follows the lane as without a bus and listens to light and rain alone.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from math import cos, isfinite
+from pathlib import Path
+from typing import Any
+
+from vsensor.profile import Wiper
+from vsensor.sources import Inputs
+from vsensor.sources.control import Control, Motion, Pose, Tilt
+from vsensor.sources.listening import ListenConfig, Listened, Listener, News
+from vsensor.sources.map_drive import EgoConfig, MapDrive
+from vsensor.sources.placing import FARTHEST_M, Foot, Ground
+from vsensor.sources.posing import PoseControl
+from vsensor.sources.reckoning import MotionControl
+from vsensor.sources.steering import SteeringControl, steering_inputs
+from vsensor.types import EgoState, Environment, Frame, Light, Scene, Snapshot, Tick, frozen
+from vsensor.world.vehicle import DynamicsConfig, SingleTrack
+
+LIGHT, LOW_BEAM, WIPER, INDICATOR = "ego.light", "ego.low_beam", "ego.wiper", "ego.indicator"
+ENVIRONMENT = (WIPER, LIGHT, LOW_BEAM)
+
+RAIN_OF_WIPER: Mapping[Wiper, float] = {
+    Wiper.OFF: 0.0,
+    Wiper.INTERVAL: 0.2,
+    Wiper.SLOW: 0.5,
+    Wiper.FAST: 1.0,
+}
+"""Rain, 0 dry to 1 heaviest, that a driver has the wiper at this speed for."""
+
+OFF_ROUTE = "off the route"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LiveState:
+    """What was heard, the control's own state, the place on the route; what went wrong: times and since when.
+
+    `troubles`: what -> (t_ns of the first time, number of times); `present` are those at this tick.
+    """
+
+    listened: Listened
+    control: Any
+    foot: Foot
+    speed_mps: float = 0.0
+    troubles: Mapping[str, tuple[int, int]] = field(default_factory=dict[str, tuple[int, int]])
+    present: tuple[str, ...] = ()
+
+
+class LiveDrive:
+    """The source of a drive that listens; it needs a bus, without one the vehicle stands at the start."""
+
+    def __init__(self, drive: MapDrive, listener: Listener, control: Control | None) -> None:
+        """Join map, bus and control (None: along the lane)."""
+        self.drive = drive
+        self.listener = listener
+        self._control = control
+        self._needs = () if control is None else control.needs
+        self._unsensed = {INDICATOR} if control is None else {INDICATOR, *control.needs} - {*control.senses}
+        self._watched = tuple(listener.channels)
+        self._ground = Ground(drive.corridor)
+        self._start = drive.start()
+        if isinstance(control, PoseControl):
+            self._ground.learn()
+
+    @classmethod
+    def load(
+        cls,
+        drive: MapDrive,
+        ego: EgoConfig,
+        listen: ListenConfig,
+        dynamics: DynamicsConfig,
+        wheelbase_m: float,
+        folder: Path = Path(),
+    ) -> "LiveDrive":
+        """Load the profiles and build the control; raises ConfigError, DbcError."""
+        _, steers_by, _, steering = steering_inputs(listen)
+        needs, wanted = {
+            "lane": ((), ()),
+            "motion": (MotionControl.needs, MotionControl.wanted),
+            "pose": (PoseControl.needs, PoseControl.wanted),
+            "steering": (steers_by, steering),
+        }[ego.control]
+        environment = ENVIRONMENT if listen.environment else ()
+        listener = Listener.load(listen, folder, (*wanted, *environment, INDICATOR))
+        listener.require(needs, f'ego.control = "{ego.control}"')
+        control: Control | None = None
+        if ego.control == "motion":
+            control = MotionControl(listen, listener)
+        elif ego.control == "pose":
+            control = PoseControl(listener)
+        elif ego.control == "steering":
+            vehicle = SingleTrack.of(dynamics, wheelbase_m)
+            control = SteeringControl(listen, vehicle, dynamics.steering_ratio, drive.speed_mps)
+        return cls(drive, listener, control)
+
+    @property
+    def needs_bus(self) -> bool:
+        """Whether what moves the vehicle comes from the bus."""
+        return self._control is not None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Where the drive begins and what is listened to."""
+        return (*self.drive.notes, *self.listener.lines())
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """What was found in the map, as sentences."""
+        return self.drive.findings
+
+    @property
+    def duration_s(self) -> float:
+        """How long the drive takes is known only where it follows its lane."""
+        return self.drive.duration_s if self._control is None else float("inf")
+
+    def initial_state(self) -> LiveState:
+        """Return the state before the first tick: nothing heard, standing at the start."""
+        x, y, _ = self._start.position_world_m.tolist()
+        pose = Pose(x_m=x, y_m=y, yaw_rad=self._start.yaw_rad)
+        control = None if self._control is None else self._control.initial(pose)
+        return LiveState(listened=Listened(), control=control, foot=Foot(s_m=0.0))
+
+    def accepts(self, frame: Frame) -> bool:
+        """Return whether a frame tells something that is listened to, and passes its check."""
+        return self.listener.accepts(frame)
+
+    def advance(self, state: LiveState, tick: Tick, inputs: Inputs) -> tuple[LiveState, Snapshot | None]:
+        """Return the truth at `tick.t_ns` as far as the bus tells; None once the route has ended."""
+        listened, news = self.listener.hear(state.listened, inputs, tick)
+        if self._control is None:
+            after, snapshot = replace(state, listened=listened), self.drive.advance(None, tick, ())[1]
+        else:
+            after, snapshot = self._moved(self._control, replace(state, listened=listened), news, tick)
+        if snapshot is None:
+            return after, None
+        missing = tuple(name for name in self._watched if self._is_missing(listened, name))
+        troubles = [name for name in missing if name in listened.quantities]
+        troubles += [OFF_ROUTE] * (not after.foot.is_on_route)
+        stale = tuple(name for name in missing if name not in self._unsensed)
+        scene = replace(snapshot.scene, environment=self._seen(listened))
+        return _noted(after, tuple(troubles), tick), replace(snapshot, scene=scene, stale=stale)
+
+    def remarks(self, state: LiveState) -> tuple[str, ...]:
+        """Say what went wrong on the way, for the end of a run."""
+        unheard = [name for name in self._needs if name not in state.listened.quantities]
+        said = [f"nothing was heard of {name}" for name in unheard]
+        for name, (first_ns, count) in state.troubles.items():
+            when = f"{'once,' if count == 1 else f'{count} times, first'} at {first_ns / 1e9:.2f} s"
+            if name == OFF_ROUTE:
+                where = f"over {FARTHEST_M:g} m away, or against it"
+                said.append(f"the vehicle was off the route ({where}) {when}: nothing was seen there")
+            else:
+                said.append(f"{name} was missing {when}")
+        return tuple(said)
+
+    def _moved(
+        self, control: Control, state: LiveState, news: Sequence[News], tick: Tick
+    ) -> tuple[LiveState, Snapshot | None]:
+        """Return state and truth after the control has moved the vehicle; None beyond the route's end."""
+        last = state.foot
+        tilt = Tilt(run=cos(last.pitch_rad), turn=1.0 / (cos(last.pitch_rad) * cos(last.roll_rad)))
+        inner, motion = control.advance(state.control, state.listened, news, tick, tilt)
+        pose, step_m = motion.pose, motion.speed_mps * tick.period_ns * 1e-9
+        foot = self._ground.foot(last, step_m, pose.x_m, pose.y_m, pose.yaw_rad)
+        after = replace(state, control=inner, foot=foot, speed_mps=motion.speed_mps)
+        if not self.drive.corridor.reaches(max(foot.s_m, 0.0)):
+            return after, None
+        scene = self.drive.scene(tick.t_ns * 1e-9, foot.s_m) if foot.is_on_route else Scene(markings=())
+        return after, Snapshot(t_ns=tick.t_ns, ego=_ego(motion, foot, tick.t_ns), scene=scene)
+
+    def _is_missing(self, listened: Listened, name: str) -> bool:
+        """Return whether a quantity is missing that is needed, or that came before."""
+        is_awaited = name in self._needs or name in listened.quantities
+        return is_awaited and self.listener.is_missing(listened, name)
+
+    def _seen(self, listened: Listened) -> Environment:
+        """Return light and rain: the bus's where it has told of them, else the scenario's."""
+        known = {name: heard.value for name, heard in listened.quantities.items() if name in ENVIRONMENT}
+        light, rain = self.drive.environment.light, self.drive.environment.rain
+        if LIGHT in known:
+            light = Light(int(known[LIGHT]))
+        elif LOW_BEAM in known:
+            light = Light.NIGHT if known[LOW_BEAM] >= 0.5 else Light.DAY
+        if WIPER in known:
+            rain = RAIN_OF_WIPER[Wiper(int(known[WIPER]))]
+        return Environment(light=light, rain=rain)
+
+
+def _ego(motion: Motion, foot: Foot, t_ns: int) -> EgoState:
+    pose = motion.pose
+    z_m = motion.z_m if isfinite(motion.z_m) else foot.z_m
+    return EgoState(
+        t_ns=t_ns,
+        position_world_m=frozen((pose.x_m, pose.y_m, z_m)),
+        roll_rad=foot.roll_rad,
+        pitch_rad=foot.pitch_rad,
+        yaw_rad=pose.yaw_rad,
+        speed_mps=motion.speed_mps,
+        yaw_rate_radps=motion.yaw_rate_radps,
+        acceleration_mps2=motion.acceleration_mps2,
+        lateral_acceleration_mps2=motion.speed_mps * motion.yaw_rate_radps,
+    )
+
+
+def _noted(state: LiveState, present: tuple[str, ...], tick: Tick) -> LiveState:
+    """Return the state with the troubles of this tick; one that was not there at the tick before counts."""
+    troubles = dict(state.troubles)
+    for name in present:
+        if name not in state.present:
+            first_ns, count = troubles.get(name, (tick.t_ns, 0))
+            troubles[name] = (first_ns, count + 1)
+    return replace(state, troubles=troubles, present=present)

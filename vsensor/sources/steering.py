@@ -1,0 +1,103 @@
+"""A vehicle that an ECU steers over the bus: the closed loop."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from vsensor.sources.control import REQUEST, SPEED, WHEEL, Motion, Pose, Tilt, hold_ns
+from vsensor.sources.listening import ListenConfig, Listened, News
+from vsensor.types import Tick
+from vsensor.world.vehicle import SingleTrack, VehicleState, driven
+
+LARGEST_STEERING_RAD = 0.7
+"""Front wheels turn no farther: 40 degrees."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Steered:
+    """The vehicle at the tick `t_ns`; `start_ns` is when the first frame came, None before."""
+
+    vehicle: VehicleState
+    t_ns: int = 0
+    start_ns: int | None = None
+    speed_mps: float = 0.0
+
+
+class SteeringControl:
+    """The single-track model, steered from the bus; it stands until the first frame of the steering comes.
+
+    Its speed is the scenario's, whose time counts from there, or comes from the bus. "Not available" lets
+    the front wheels go straight.
+    """
+
+    def __init__(
+        self,
+        config: ListenConfig,
+        vehicle: SingleTrack,
+        ratio: float,
+        speed_mps: Callable[[float], float],
+    ) -> None:
+        self._vehicle = vehicle
+        self._ratio = ratio
+        self._speed = speed_mps
+        self._hold_ns = hold_ns(config)
+        self._from_bus = config.speed == "bus"
+        self._steering, self.needs, self.senses, self.wanted = steering_inputs(config)
+
+    def initial(self, start: Pose) -> Steered:
+        """Return a vehicle that stands at the start."""
+        return Steered(vehicle=VehicleState(x_m=start.x_m, y_m=start.y_m, yaw_rad=start.yaw_rad))
+
+    def advance(
+        self, state: Steered, listened: Listened, news: Sequence[News], tick: Tick, tilt: Tilt
+    ) -> tuple[Steered, Motion]:
+        """Return the vehicle, driven on since the tick before."""
+        start_ns = state.start_ns
+        if start_ns is None and any(self._steering in item.values for item in news):
+            start_ns = tick.t_ns
+        seconds = max(tick.t_ns - state.t_ns, 0) * 1e-9
+        speed = self._speed_at(listened, tick.t_ns, start_ns)
+        steering = self._angle(listened)
+        # A turn on the map is a turn about the road's normal to 1 part in 500 at 6 % of slope.
+        speeds = state.speed_mps * tilt.run, speed * tilt.run
+        before = speeds if state.start_ns is not None else (0.0, 0.0)
+        vehicle = driven(self._vehicle, state.vehicle, before, steering, seconds)
+        after = Steered(vehicle=vehicle, t_ns=tick.t_ns, start_ns=start_ns, speed_mps=speed)
+        return after, Motion(
+            pose=Pose(x_m=vehicle.x_m, y_m=vehicle.y_m, yaw_rad=vehicle.yaw_rad),
+            speed_mps=speed,
+            yaw_rate_radps=vehicle.yaw_rate_radps,
+            acceleration_mps2=(speed - state.speed_mps) / seconds
+            if seconds and state.start_ns is not None
+            else 0.0,
+        )
+
+    def _angle(self, listened: Listened) -> float:
+        """Return the angle of the front wheels."""
+        last = listened.quantities.get(self._steering)
+        if last is None or last.is_lost or listened.now_ns - last.t_ns > self._hold_ns:
+            return 0.0
+        angle = last.value / (self._ratio if self._steering == WHEEL else 1.0)
+        return min(max(angle, -LARGEST_STEERING_RAD), LARGEST_STEERING_RAD)
+
+    def _speed_at(self, listened: Listened, t_ns: int, start_ns: int | None) -> float:
+        if start_ns is None:
+            return 0.0
+        if not self._from_bus:
+            return self._speed((t_ns - start_ns) * 1e-9)
+        last = listened.quantities.get(SPEED)
+        if last is None or listened.now_ns - last.t_ns > self._hold_ns:
+            return 0.0
+        return last.value
+
+
+def steering_inputs(
+    config: ListenConfig,
+) -> tuple[str, tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+    """Return the steering's quantity, and what a steered vehicle needs, what its sensor senses, all of it.
+
+    What an ECU asks for is no input of the sensor, so it does not lack it.
+    """
+    steering = REQUEST if config.steering == "request" else WHEEL
+    speed = (SPEED,) if config.speed == "bus" else ()
+    senses = (*((WHEEL,) if steering == WHEEL else ()), *speed)
+    return steering, (steering, *speed), senses, (steering, *speed)
