@@ -1,6 +1,7 @@
 """What the loop meets when a bus goes wrong: counts, two sentences, no exception, nothing sent late."""
 
 import errno
+import time
 from dataclasses import replace
 
 import can
@@ -200,10 +201,25 @@ def test_a_standard_id_is_another_one_than_the_same_number_in_29_bits(bus, port)
 
 def test_own_frames_come_back_as_confirmations_with_the_time_on_the_bus_not_as_heard(bus, port):
     bus.send(replace(CLASSIC, due_ns=40))
-    port.waiting = [(replace(CLASSIC, due_ns=123), True)]
+    stamp_ns = time.monotonic_ns()
+    port.waiting = [(replace(CLASSIC, due_ns=stamp_ns), True)]
     assert bus.drain() == []
-    assert bus.confirmed() == [(40, 123)]
+    assert bus.confirmed() == [(40, stamp_ns)]
     assert bus.confirmed() == []
+
+
+def test_a_confirmation_that_is_read_a_cycle_later_belongs_to_the_frame_that_was_sent_before_it(
+    bus, port, monkeypatch
+):
+    stamps = []
+    for cycle_number in range(3):
+        sent_ns = 40_000_000 * cycle_number
+        monkeypatch.setattr(time, "monotonic_ns", lambda now_ns=sent_ns: now_ns)
+        bus.send(replace(CLASSIC, due_ns=cycle_number))
+        stamps.append(sent_ns + 100_000)
+    port.waiting = [(replace(CLASSIC, due_ns=stamp), True) for stamp in stamps]
+    bus.drain()
+    assert bus.confirmed() == list(enumerate(stamps))
 
 
 def test_frames_that_nobody_read_in_time_are_reported(bus, port):

@@ -1,6 +1,7 @@
 """The bus as the loop sees it: send, hear, and no exception whatever happens to the interface."""
 
 import time
+from collections import deque
 from collections.abc import Callable
 
 import can
@@ -10,6 +11,8 @@ from vsensor.bus.trouble import Outages, reason_of
 from vsensor.types import Frame
 
 CAN_ERR_BUSOFF, CAN_ERR_RESTARTED = 0x40, 0x100  # classes of error frames (linux/can/error.h)
+UNCONFIRMED = 4  # a frame comes back at once, or one or two cycles later where the kernel is busy
+CLOCKS_APART_NS = 50_000  # a stamp is brought from the wall clock to the monotonic one
 
 
 def nobody(text: str) -> None:
@@ -33,7 +36,7 @@ class FrameBus:
         self._say: Callable[[str], None] = nobody
         self._outages = Outages(name, lambda text: self._say(text))
         self._bus_off, self._may_mend = False, True
-        self._due_of: dict[tuple[int, bool], int] = {}  # id, is 29-bit -> when its latest frame was due
+        self._sent: dict[tuple[int, bool], deque[tuple[int, int]]] = {}  # id, is 29-bit -> its latest frames
         self._confirmed: list[tuple[int, int]] = []
 
     def __enter__(self) -> "FrameBus":
@@ -49,15 +52,19 @@ class FrameBus:
 
     def send(self, frame: Frame) -> bool:
         """Send now, whatever `frame.due_ns` says; False if the bus refused the frame."""
+        now_ns = time.monotonic_ns()
         try:
             self._hand_over(frame)
         except (can.CanError, OSError, ValueError) as problem:
             self.frames_refused += 1
-            self._outages.refused(reason_of(problem, self.name.partition(":")[2]), time.monotonic_ns())
+            self._outages.refused(reason_of(problem, self.name.partition(":")[2]), now_ns)
             return False
         if self._outages.is_out:
-            self._outages.taken(time.monotonic_ns())
-        self._due_of[frame.arbitration_id, frame.is_extended] = frame.due_ns
+            self._outages.taken(now_ns)
+        key = frame.arbitration_id, frame.is_extended
+        if key not in self._sent:
+            self._sent[key] = deque(maxlen=UNCONFIRMED)
+        self._sent[key].append((now_ns, frame.due_ns))
         return True
 
     def drain(self) -> list[Frame]:
@@ -130,12 +137,19 @@ class FrameBus:
         self._bus_off = False  # a controller that is bus-off hears nothing
         key = frame.arbitration_id, frame.is_extended
         if is_own:
-            if key in self._due_of and not self._port.hears_itself:
-                self._confirmed.append((self._due_of[key], frame.due_ns))
+            self._confirm(key, frame.due_ns)
             return self._port.hears_itself
-        if key in self._due_of:
+        if key in self._sent:
             self._count_foreign(frame.arbitration_id)
         return True
+
+    def _confirm(self, key: tuple[int, bool], stamp_ns: int) -> None:
+        """Find the frame that was on the bus at `stamp_ns`: the latest one handed over before."""
+        before = [
+            due_ns for sent_ns, due_ns in self._sent.get(key, ()) if sent_ns <= stamp_ns + CLOCKS_APART_NS
+        ]
+        if before and not self._port.hears_itself:
+            self._confirmed.append((before[-1], stamp_ns))
 
     def _count_foreign(self, number: int) -> None:
         if not self.foreign:
