@@ -46,6 +46,34 @@ def heap_mesh(rng, triangles, reach_m=2.0):
     return mesh_of((centres + sides).reshape(-1, 3), np.arange(3 * triangles).reshape(-1, 3))
 
 
+def wavy_wall(length_m, height_m, cells):
+    """Return a wall across y that winds in x, its vertices on no round numbers."""
+    y = np.linspace(-length_m / 2, length_m / 2, cells + 1)
+    z = np.linspace(-height_m / 2, height_m / 2, 4)
+    x = 0.3 * np.sin(1.7 * y)
+    vertices = np.array([(x[k], y[k], at) for k in range(cells + 1) for at in z])
+    corner = np.array([4 * k + row for k in range(cells) for row in range(3)])
+    faces = [
+        np.column_stack([corner, corner + 4, corner + 1]),
+        np.column_stack([corner + 1, corner + 4, corner + 5]),
+    ]
+    return mesh_of(vertices, np.concatenate(faces))
+
+
+def passes_within(origin, points, triangles, band_m):
+    """Return which lines origin -> point pass an edge of a triangle within `band_m`."""
+    start = np.concatenate([triangles[:, k] for k in range(3)]) - origin
+    side = np.concatenate([triangles[:, k - 2] - triangles[:, k] for k in range(3)])
+    near = np.zeros(len(points), dtype=bool)
+    for place, point in enumerate(points):
+        ray = (point - origin) / np.linalg.norm(point - origin)
+        across, along = (v - (v @ ray)[:, None] * ray for v in (start, side))
+        square = np.maximum((along * along).sum(axis=1), 1e-300)
+        t = np.clip(-(across * along).sum(axis=1) / square, 0.0, 1.0)
+        near[place] = np.linalg.norm(across + t[:, None] * along, axis=1).min() <= band_m
+    return near
+
+
 def meets(origin, points, triangles, far):
     """Return for segments origin -> origin + far (point - origin) whether a triangle of (T, 3, 3) is met.
 

@@ -5,9 +5,7 @@ import pytest
 
 from tests import p1
 from tests.roads import box
-from vsensor import raycast
-from vsensor.raycast import Boxes, boxes_in, hidden
-from vsensor.raycast import boxes as boxes_module
+from vsensor.raycast import Boxes, boxes_in, hidden, shadow, solids
 from vsensor.transforms import Rigid, rotation_from_rpy
 
 HERE = Rigid(np.eye(3), np.zeros(3))
@@ -112,19 +110,51 @@ def test_masks_in_several_pieces_give_the_same_answer(monkeypatch):
     boxes = boxes_in(HERE, random_obstacles(rng, 15))
     points = np.column_stack([rng.uniform(4, 100, 500), rng.uniform(-15, 15, 500), np.zeros(500)])
     at_once = hidden(EYE, points, boxes, "shadow")
-    monkeypatch.setattr(boxes_module, "_MASK_SIZE", 1200)
+    monkeypatch.setattr(shadow, "_MASK_SIZE", 1200)
     np.testing.assert_array_equal(hidden(EYE, points, boxes, "shadow"), at_once)
 
 
-def test_auto_takes_rays_only_where_many_boxes_are_in_view(monkeypatch):
+def test_auto_takes_rays_only_where_many_boxes_are_in_view_or_beside_the_camera(monkeypatch):
     asked = []
-    monkeypatch.setattr(boxes_module, "_faces", lambda rays, solids: asked.append(len(solids.is_front)))
-    ahead = [box(20 + 0.3 * k, 0, size=(0.2, 0.2, 0.2)) for k in range(raycast.EMBREE_FROM_BOXES)]
-    behind = [box(-20, 0)] * 10
-    hidden(EYE, np.array([[90.0, -1, 0], [90, 1, 3], [10, -9, -1]]), boxes_in(HERE, ahead[:-1] + behind))
+    monkeypatch.setattr(solids, "hidden_by_faces", lambda *given: asked.append(len(given[-1].is_front)))
+    monkeypatch.setattr(solids, "EMBREE_FROM_BOXES", 50)
+    ahead = [box(20 + k, 0, size=(0.2, 0.2, 0.2)) for k in range(50)]
+    behind = [box(-20, 0)] * 100
+    beside = [box(5, 3, size=(20, 1, 3))] * solids.EMBREE_FROM_BESIDE
+    points = np.array([[90.0, -1, 0], [90, 1, 3], [10, -9, -1]])
+    hidden(EYE, points, boxes_in(HERE, ahead[1:] + behind))
+    hidden(EYE, points, boxes_in(HERE, beside[1:] + behind))
     assert asked == []
-    hidden(EYE, np.array([[90.0, -1, 0], [90, 1, 3], [10, -9, -1]]), boxes_in(HERE, ahead + behind))
-    assert asked == [raycast.EMBREE_FROM_BOXES]
+    hidden(EYE, points, boxes_in(HERE, ahead + behind))
+    hidden(EYE, points, boxes_in(HERE, beside + behind))
+    assert asked == [50, solids.EMBREE_FROM_BESIDE]
+
+
+@pytest.mark.parametrize("off_m", [0.0, 1e-6, 1e-4])
+@both_methods
+def test_rays_almost_in_the_plane_of_a_side_are_hidden_by_nothing_beside_it(method, off_m):
+    rng = np.random.default_rng(4)
+    beside = 0
+    for _ in range(80):
+        angles, axis, side = rng.uniform(-3, 3, 3), rng.integers(3), rng.choice([-0.5, 0.5])
+        centre, size, turned = (
+            rng.uniform((8, -8, -2), (90, 8, 3)),
+            rng.uniform(0.2, 6, 3),
+            rotation_from_rpy(*angles),
+        )
+        obstacle = box(*centre, size=size, roll_rad=angles[0], pitch_rad=angles[1], yaw_rad=angles[2])
+        eye = (EYE - centre) @ turned
+        eye[axis] = side * size[axis] + np.sign(side) * off_m
+        on_side = rng.uniform(-1.5, 1.5, (200, 3)) * size
+        on_side[:, axis] = eye[axis] + rng.choice([0.0, 1e-6, -1e-6, 1e-5], 200)
+        points = centre + (eye + (on_side - eye) * rng.uniform(1, 3, (200, 1))) @ turned.T
+        eye = centre + turned @ eye
+        found = hidden(eye, points, boxes_in(HERE, [obstacle]), method)
+        endless = (centre, size + 2 * BAND_M + 99.0 * (np.arange(3) == axis), turned)  # across the side
+        passes = ~p1.hidden(eye, points, [endless])
+        assert not (found & passes).any()
+        beside += passes.sum()
+    assert beside > 3000
 
 
 @both_methods

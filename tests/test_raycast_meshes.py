@@ -5,10 +5,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.meshes import BOX_FACES, ball_mesh, box_mesh, heap_mesh, meets, world_triangles
+from tests.meshes import (
+    BOX_FACES,
+    ball_mesh,
+    box_mesh,
+    heap_mesh,
+    meets,
+    passes_within,
+    wavy_wall,
+    world_triangles,
+)
 from tests.roads import box
 from vsensor.errors import ConfigError
-from vsensor.raycast import FAR_LIMIT, embree, hidden_by_obstacles, mesh_of, meshes, standing
+from vsensor.raycast import (
+    FAR_LIMIT,
+    embree,
+    hidden_by_obstacles,
+    mesh_of,
+    meshes,
+    obstacles,
+    pieces,
+    standing,
+)
 from vsensor.transforms import Rigid, rotation_from_rpy
 from vsensor.types import Mesh, frozen
 
@@ -30,7 +48,7 @@ def wearing(mesh, x, y, z=1.0, **more):
 @pytest.fixture(autouse=True)
 def _nothing_kept():
     meshes._shapes.clear()
-    standing._tiles.clear()
+    standing._sets.clear()
 
 
 @moving_and_standing
@@ -75,6 +93,48 @@ def test_rays_through_the_outline_of_a_mesh_are_hidden_one_tenth_of_a_millimetre
     through = edge + grown_m * (edge - [28.0, 0.0, 1.35])
     found = hidden_by_obstacles(HERE, EYE, EYE + 3.0 * (through - EYE), [obstacle])
     assert (found == expected).all()
+
+
+@moving_and_standing
+@pytest.mark.parametrize("far_out_m", [0.0, 1e5, 1e7])
+@pytest.mark.parametrize("off_m", [0.0, 1e-6, 1e-5])
+def test_rays_in_the_plane_of_a_triangle_are_hidden_by_nothing_beside_it(off_m, far_out_m, is_moving):
+    rng = np.random.default_rng(11)
+    frame = Rigid(rotation_from_rpy(0.02, -0.01, 0.5), np.array([far_out_m + 3.0, -far_out_m, 30.0]))
+    ball = ball_mesh(2.0, 8, 12)
+    one = wearing(ball, *(frame.rotation @ [30.0, 1.0, 1.0] + frame.translation), is_moving=is_moving)
+    triangles = (world_triangles(one) - frame.translation) @ frame.rotation
+    beside = 0
+    for a, b, c in triangles[::4]:
+        normal = np.cross(b - a, c - a)
+        normal /= np.linalg.norm(normal)
+        eye = EYE - normal * ((EYE - a) @ normal)
+        through = a + rng.uniform(-4, 4, (200, 1)) * (b - a) + rng.uniform(-4, 4, (200, 1)) * (c - a)
+        points = eye + 2.0 * (through - eye) + off_m * normal
+        sure, unsure = meets(eye, points, triangles, FAR_LIMIT)
+        near = passes_within(eye, points, triangles, 1e-4)
+        found = hidden_by_obstacles(frame, eye, points, [one])
+        assert not (found & ~sure & ~near).any()
+        assert not (sure & ~found & ~unsure).any()
+        beside += (~sure & ~near).sum()
+    assert beside > 1000
+
+
+@moving_and_standing
+def test_a_surface_larger_than_a_cell_has_no_gaps_where_it_is_cut(is_moving, monkeypatch):
+    monkeypatch.setattr(pieces, "CELL_M", 3.0)
+    wall = wavy_wall(20.0, 3.0, 40)
+    obstacle = wearing(wall, 30, 0, 1.35, is_moving=is_moving)
+    triangles = world_triangles(obstacle)
+    assert len(pieces.pieces_of(triangles)) > 5
+    corners = np.array([p for a, b, c in triangles for p in (a, b, c, (a + b) / 2, (b + c) / 2, (c + a) / 2)])
+    inner = corners[(np.abs(corners[:, 1]) < 9.9) & (np.abs(corners[:, 2] - 1.35) < 1.4)]
+    assert hidden_by_obstacles(HERE, EYE, EYE + 2.0 * (inner - EYE), [obstacle]).all()
+
+
+def test_a_triangle_that_spans_very_many_cells_is_in_one_piece():
+    long = np.array([[[0.0, 0, 0], [9e5, 9e5, 0], [9e5, 9e5, 1]]])
+    assert [len(piece.triangles_m) for piece in pieces.pieces_of(long)] == [1]
 
 
 @moving_and_standing
@@ -158,28 +218,33 @@ def test_only_so_many_shapes_are_kept(monkeypatch):
     assert len(meshes._shapes) == 3
 
 
-def test_what_stands_is_built_again_only_when_it_changes_or_the_camera_is_in_another_tile(monkeypatch):
+def test_what_stands_is_built_once_and_again_only_when_it_changes(monkeypatch):
     built = []
     build = embree.build
     monkeypatch.setattr(embree, "build", lambda triangles: built.append(len(triangles)) or build(triangles))
     one, other = (replace(wearing(box_mesh(), 30.0, y), is_moving=False) for y in (0, 9))
-    for x in (0.0, 5.0, 10.0, 245.0):
+    for x in (0.0, 5.0, 245.0, 1e4):
         hidden_by_obstacles(Rigid(np.eye(3), np.array([x, 0, 0])), EYE, np.ones((2, 3)), [one], [one, other])
     assert built == [24]
-    hidden_by_obstacles(Rigid(np.eye(3), np.array([500.0, 0, 0])), EYE, np.ones((2, 3)), [one], [one, other])
-    assert built == [24, 24]
     hidden_by_obstacles(HERE, EYE, np.ones((2, 3)), [one], [one])
-    assert built == [24, 24, 12]
+    assert built == [24, 12]
 
 
-def test_only_so_many_tiles_are_kept():
-    one = replace(wearing(box_mesh(), 30.0, 0), is_moving=False)
-    for k in range(30):
-        hidden_by_obstacles(Rigid(np.eye(3), np.array([500.0 * k, 0, 0])), EYE, np.ones((2, 3)), [one])
-    assert len(standing._tiles) == standing.SCENES_KEPT
+def test_only_so_many_sets_of_what_stands_are_kept():
+    for _ in range(10):
+        hidden_by_obstacles(
+            HERE, EYE, np.ones((2, 3)), [replace(wearing(box_mesh(), 30.0, 0), is_moving=False)]
+        )
+    assert len(standing._sets) == standing.KEPT
 
 
-def test_many_standing_boxes_hide_what_they_would_hide_as_moving_ones():
+def test_many_standing_boxes_hide_what_they_would_hide_as_moving_ones(monkeypatch):
+    monkeypatch.setattr(obstacles, "KEEP_FROM_BOXES", 60)
+    asked = []
+    by_standing = obstacles.hidden_by_standing
+    monkeypatch.setattr(
+        obstacles, "hidden_by_standing", lambda *given: asked.append(len(given[1])) or by_standing(*given)
+    )
     rng = np.random.default_rng(8)
     boxes = [
         box(*rng.uniform((8, -12, 1), (95, 12, 1.4)), size=rng.uniform(0.3, 2, 3), yaw_rad=rng.uniform(-3, 3))
@@ -188,11 +253,13 @@ def test_many_standing_boxes_hide_what_they_would_hide_as_moving_ones():
     points = np.column_stack([rng.uniform(4, 100, 3000), rng.uniform(-15, 15, 3000), np.zeros(3000)])
     moving = hidden_by_obstacles(HERE, EYE, points, boxes, method="shadow")
     still = hidden_by_obstacles(HERE, EYE, points, [replace(one, is_moving=False) for one in boxes])
+    assert asked == [60]
     assert 0.1 < moving.mean() < 0.9
     assert (moving != still).mean() < 1e-3
 
 
-def test_a_camera_in_a_standing_box_sees_nothing():
+def test_a_camera_in_a_standing_box_sees_nothing(monkeypatch):
+    monkeypatch.setattr(obstacles, "KEEP_FROM_BOXES", 40)
     boxes = [replace(box(30 + 5 * k, 9), is_moving=False) for k in range(50)]
     around = replace(box(1.0, 0, size=(4, 2, 3)), is_moving=False)
     assert is_hidden((2.5, 0, 1), [*boxes, around])

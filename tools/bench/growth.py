@@ -86,7 +86,7 @@ def _over_boxes(count: int) -> dict[str, Callable[[], object]]:
         "hidden, shadow test": lambda: raycast.hidden(eye_m, points_m, boxes, "shadow"),
         "hidden, embree with rebuild": lambda: raycast.hidden(eye_m, points_m, boxes, "embree"),
         "embree, rebuild of all faces": lambda: embree.build(triangles),
-        "embree, query": lambda: embree.meets(scene, np.zeros(3), rays, raycast.FAR_LIMIT),
+        "embree, query": lambda: embree.first_met(scene, np.zeros(3), rays, raycast.FAR_LIMIT),
     }
 
 

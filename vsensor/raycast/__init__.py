@@ -1,8 +1,10 @@
 """Who is hidden from the camera: by boxes and meshes, moving or standing, and by the road itself."""
 
-from vsensor.raycast.boxes import EMBREE_FROM_BOXES, FAR_LIMIT, Boxes, Method, boxes_in, hidden
+from vsensor.raycast.boxes import Boxes, boxes_in
 from vsensor.raycast.meshes import mesh_of
 from vsensor.raycast.obstacles import hidden_by_obstacles
+from vsensor.raycast.shadow import FAR_LIMIT
+from vsensor.raycast.solids import EMBREE_FROM_BOXES, Method, hidden
 from vsensor.raycast.surface import hidden_by_surface
 
 __all__ = [

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from vsensor.types import Array, BoolArray
+from vsensor.types import Array, IntArray
 
 EmbreeScene: TypeAlias = Any
 
@@ -23,17 +23,17 @@ def build(triangles_m: Array) -> EmbreeScene:
     return scene
 
 
-def meets(scene: EmbreeScene, origin_m: Array, directions_m: Array, far: float) -> BoolArray:
-    """Return which segments origin -> origin + far * direction (N, 3) meet a triangle, from either side.
+def first_met(scene: EmbreeScene, origin_m: Array, directions_m: Array, far: float) -> IntArray:
+    """Return which triangle each segment origin -> origin + far * direction (N, 3) meets first, or -1.
 
-    Coordinates as at `build`. A direction that holds NaN meets nothing.
+    From either side; coordinates as at `build`. A direction that holds NaN meets nothing. To ask for
+    the triangle takes a fifth more time than to ask whether there is one.
     """
     rays = np.ascontiguousarray(directions_m, dtype=np.float32)
     origins = np.empty_like(rays)
     origins[:] = origin_m
     limits = np.full(len(rays), far, dtype=np.float32)
-    answer = scene.run(origins, rays, dists=limits, query="OCCLUDED")
-    return np.asarray(answer == 0)
+    return np.asarray(scene.run(origins, rays, dists=limits, query="INTERSECT"), dtype=np.int64)
 
 
 @cache

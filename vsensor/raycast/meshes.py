@@ -1,4 +1,4 @@
-"""Meshes as surfaces of triangles: one embree scene per shape, the rays are moved into its frame.
+"""Meshes as surfaces of triangles: scenes per shape, the rays are moved into its frame.
 
 A segment that meets a triangle, from either side, is hidden. So a closed mesh hides what lies inside
 and behind it; a camera inside one sees what is in there with it and nothing outside.
@@ -11,8 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsensor.errors import ConfigError
-from vsensor.raycast import embree
-from vsensor.raycast.boxes import FAR_LIMIT, Boxes, boxes_in, hidden_within
+from vsensor.raycast.boxes import Boxes, boxes_in
+from vsensor.raycast.pieces import Piece, meets, pieces_of
+from vsensor.raycast.shadow import FAR_LIMIT
+from vsensor.raycast.solids import hidden_within
 from vsensor.transforms import Rigid
 from vsensor.types import Array, BoolArray, IntArray, Mesh, Obstacle, frozen
 
@@ -27,12 +29,10 @@ _LARGEST_M = 1e6  # beyond that, float32 squares in embree lose the shape
 
 @dataclass(frozen=True, slots=True)
 class _Shape:
-    """A mesh ready for rays: its bounding box (3,), (3,) and its scene, relative to the box's centre."""
+    """A mesh, kept so that its id stays valid, and its pieces ready for rays."""
 
     mesh: Mesh
-    centre_m: Array
-    half_m: Array
-    scene: embree.EmbreeScene
+    pieces: list[Piece]
 
 
 _shapes: OrderedDict[int, _Shape] = OrderedDict()
@@ -77,51 +77,49 @@ def triangles_of(mesh: Mesh) -> Array:
 def hidden_by_meshes(
     world_from_frame: Rigid, obstacles: Sequence[Obstacle], origin_m: Array, points_m: Array
 ) -> BoolArray:
-    """Return which points (N, 3) of a frame near the camera the obstacles' meshes hide.
-
-    Only segments that meet a mesh's bounding box become rays.
-    """
-    shapes, placed = [], []
+    """Return which points (N, 3) of a frame near the camera the obstacles' meshes hide."""
+    pieces, placed = [], []
     for obstacle in obstacles:
-        shape = _shape(obstacle.mesh) if obstacle.mesh is not None else None
-        if shape is not None:
-            shapes.append(shape)
-            placed.append(obstacle)
-    if not placed:
-        return np.zeros(len(points_m), dtype=bool)
+        if obstacle.mesh is not None:
+            found = _shape(obstacle.mesh).pieces
+            pieces += found
+            placed += [obstacle] * len(found)
     boxes = boxes_in(world_from_frame, placed)
-    offsets = np.array([shape.centre_m for shape in shapes])
+    return hidden_by_pieces(pieces, boxes.centre_m, boxes.rotation, origin_m, points_m)
+
+
+def hidden_by_pieces(
+    pieces: Sequence[Piece], places_m: Array, rotations: Array, origin_m: Array, points_m: Array
+) -> BoolArray:
+    """Return which points (N, 3) pieces hide whose frames have these origins (P, 3) and axes (P, 3, 3).
+
+    Only segments that meet a piece's bounding box become rays.
+    """
+    if not pieces:
+        return np.zeros(len(points_m), dtype=bool)
+    offsets = np.array([piece.centre_m for piece in pieces])
     boxes = Boxes(
-        boxes.centre_m + np.einsum("mij,mj->mi", boxes.rotation, offsets),
-        np.array([shape.half_m for shape in shapes]) + SLACK_M,
-        boxes.rotation,
+        places_m + np.einsum("mij,mj->mi", rotations, offsets),
+        np.array([piece.half_m for piece in pieces]) + SLACK_M,
+        rotations,
     )
     directions = points_m - origin_m
 
     def judge(box: int, tried: IntArray) -> BoolArray:
         rotation = boxes.rotation[box]
         origin = (origin_m - boxes.centre_m[box]) @ rotation
-        return embree.meets(shapes[box].scene, origin, directions.take(tried, axis=0) @ rotation, FAR_LIMIT)
+        return meets(pieces[box], origin, directions.take(tried, axis=0) @ rotation, FAR_LIMIT)
 
     return hidden_within(origin_m, points_m, boxes, judge)
 
 
-def _shape(mesh: Mesh) -> _Shape | None:
-    """Return the kept scene of a mesh, built at its first use; None if there is nothing to hit."""
+def _shape(mesh: Mesh) -> _Shape:
+    """Return the kept pieces of a mesh, built at its first use."""
     known = _shapes.get(id(mesh))
     if known is None:
-        known = _shapes[id(mesh)] = _compiled(mesh)
+        known = _shapes[id(mesh)] = _Shape(mesh, pieces_of(triangles_of(mesh)))
         while len(_shapes) > SHAPES_KEPT:
             _shapes.popitem(last=False)
     else:
         _shapes.move_to_end(id(mesh))
-    return known if known.scene is not None else None
-
-
-def _compiled(mesh: Mesh) -> _Shape:
-    triangles = triangles_of(mesh)
-    if not len(triangles):
-        return _Shape(mesh, np.zeros(3), np.zeros(3), None)
-    low, high = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
-    centre = 0.5 * (low + high)
-    return _Shape(mesh, centre, 0.5 * (high - low), embree.build(triangles - centre))
+    return known

@@ -4,14 +4,19 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from vsensor.raycast.boxes import Method, boxes_in, hidden
+from vsensor.raycast.boxes import boxes_in
 from vsensor.raycast.meshes import hidden_by_meshes
+from vsensor.raycast.solids import Method, hidden
 from vsensor.raycast.standing import hidden_by_standing
 from vsensor.transforms import Rigid
 from vsensor.types import Array, BoolArray, Obstacle
 
-KEEP_FROM_BOXES = 40
-"""Standing boxes in view from which their kept scene is faster than to take them as moving ones."""
+KEEP_FROM_BOXES = 250
+"""Standing boxes in reach from which their kept scene is faster than to take them as moving ones.
+
+CPU time as moving ones and with the kept scene in ms, 4000 points: a row of cars 0.86 and 1.23 at 120,
+1.33 and 1.21 at 200; scattered 0.89 and 1.13 at 200, 1.53 and 1.32 at 400; with 8000 points at 400.
+"""
 
 
 def hidden_by_obstacles(
