@@ -20,9 +20,9 @@ def ip(*words):
     subprocess.run(["ip", "link", *words], check=True)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def vcan2():
-    """A vcan of this test's own, which may be taken away."""
+    """A vcan of this file's own, which may be taken away; every test leaves it up."""
     ip("add", "vcan2", "type", "vcan")
     ip("set", "vcan2", "up")
     yield "vcan2"

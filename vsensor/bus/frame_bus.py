@@ -145,10 +145,11 @@ class FrameBus:
 
     def _confirm(self, key: tuple[int, bool], stamp_ns: int) -> None:
         """Find the frame that was on the bus at `stamp_ns`: the latest one handed over before."""
-        before = [
-            due_ns for sent_ns, due_ns in self._sent.get(key, ()) if sent_ns <= stamp_ns + CLOCKS_APART_NS
-        ]
-        if before and not self._port.hears_itself:
+        if self._port.hears_itself:  # stamped by python-can when it was told to send
+            return
+        sent = self._sent.get(key, ())
+        before = [due_ns for sent_ns, due_ns in sent if sent_ns <= stamp_ns + CLOCKS_APART_NS]
+        if before:
             self._confirmed.append((before[-1], stamp_ns))
 
     def _count_foreign(self, number: int) -> None:
