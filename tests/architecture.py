@@ -15,7 +15,7 @@ ORDER = """
     / e2e
     / codec
     / profile
-    / signals state faults
+    / signals state latency faults
     / transmit
     / clock
     / bus logs

@@ -3,7 +3,7 @@
 import pytest
 
 from tests.bus_values import PERIOD_NS, slot
-from vsensor.state import StateConfig, advance, initial_state
+from vsensor.state import Causes, StateConfig, advance, initial_state
 from vsensor.types import SensorMode
 
 
@@ -11,7 +11,7 @@ def modes(slots, degraded=(), forced=None, config=StateConfig(init_s=0.2)):  # n
     state, seen = initial_state(), []
     for index in range(slots):
         wanted = (forced or {}).get(index)
-        state = advance(config, state, degraded=index in degraded, tick=slot(index), forced=wanted)
+        state = advance(config, state, Causes(degraded=index in degraded, forced=wanted), slot(index))
         seen.append(state.mode)
     return seen
 
@@ -45,8 +45,8 @@ def test_a_forced_state_wins_and_leaves_no_trace():
 def test_a_sensor_switched_on_later_starts_later():
     state = initial_state(start_ns=10 * PERIOD_NS)
     config = StateConfig(init_s=0.2)
-    assert advance(config, state, degraded=False, tick=slot(14)).mode is SensorMode.INIT
-    assert advance(config, state, degraded=False, tick=slot(15)).mode is SensorMode.AVAILABLE
+    assert advance(config, state, Causes(), slot(14)).mode is SensorMode.INIT
+    assert advance(config, state, Causes(), slot(15)).mode is SensorMode.AVAILABLE
 
 
 @pytest.mark.parametrize("mode", SensorMode)

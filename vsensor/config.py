@@ -32,12 +32,16 @@ DEFAULT_SCENARIO = "highway"
 
 
 class BusConfig(Config, frozen=True, kw_only=True):
-    """`[output]`: the profile that the frames follow, and the database it maps (shipped ones need none)."""
+    """`[output]`: the profile that the frames follow, and the database it maps (shipped ones need none).
+
+    `latency_ms` from the exposure of an image to its first frame on the bus.
+    """
 
     profile: str = "native"
     dbc: str | None = None
 
 
+    latency_ms: Annotated[float, msgspec.Meta(ge=0, le=1000)] = 0.0
 class ScenarioConfig(Config, frozen=True, kw_only=True):
     """A scenario: where the truth comes from, the sensor, and what goes out."""
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any, cast
 
+from vsensor import latency
 from vsensor import sensor as sensing
 from vsensor import state as machine
 from vsensor import transmit as sending
@@ -20,9 +21,20 @@ from vsensor.signals import VehicleConfig, values_from
 from vsensor.sources import LOG_SUFFIXES, Inputs, Source
 from vsensor.sources.drive import RecordedDrive
 from vsensor.sources.map_drive import MapDrive
-from vsensor.state import StateConfig
+from vsensor.state import Causes, StateConfig
 from vsensor.transmit import TransmitState, Transmitter
-from vsensor.types import Frame, Output, Tick
+from vsensor.types import (
+    EgoState,
+    Environment,
+    Frame,
+    LaneEstimate,
+    Output,
+    SensorMode,
+    SignalValues,
+    Snapshot,
+    Tick,
+    frozen,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,6 +46,7 @@ class LineState:
     machine: machine.SensorState
     transmit: TransmitState
 
+    images: tuple[latency.Image, ...] = ()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Computed:
@@ -54,6 +67,7 @@ class Line:
     state_config: StateConfig
     transmitter: Transmitter
 
+    latency_ns: int = 0
     @property
     def profile(self) -> Profile:
         """The profile that the frames follow."""
@@ -71,19 +85,22 @@ class Line:
     def compute(
         self, state: LineState, tick: Tick, inputs: Inputs = (), lap: Lap = no_lap
     ) -> Computed | None:
-        """Compute one tick; None once the source has ended."""
+        """Compute one tick: one image, and the frames of all send slots until the next; None at the end.
+
+        The frames are in the order in which they leave, each with its own due_ns. Those of an image carry
+        its index and time stamp; with a latency that is an image exposed that long before.
+        """
         source_state, snapshot = self.source.advance(state.source, tick, inputs)
         lap("world")
         if snapshot is None:
             return None
         sensor_state, sensed = sensing.sense(self.sensor, state.sensor, snapshot, tick, lap)
         machine_state = machine.advance(
-            self.state_config, state.machine, degraded=sensed.estimate.degraded, tick=tick
+        images, image = self._delayed(state, snapshot, sensed.estimate, tick)
+            self.state_config, state.machine, self._causes(snapshot, sensed, image is not None), tick
         )
-        values = values_from(
-            self.vehicle, sensed.estimate, snapshot.ego, machine_state.mode, snapshot.scene.environment
-        )
-        transmit_state, frames = sending.transmit(self.transmitter, state.transmit, values, tick)
+        values = self._values(image or _NO_IMAGE, machine_state.mode)
+        transmit_state, frames = sending.transmit_image(self.transmitter, state.transmit, values, tick)
         lap("signals+codec")
         output = Output(
             tick=tick,
@@ -98,16 +115,49 @@ class Line:
         return Computed(
             output=output,
             state_if_sent=LineState(
-                source=source_state, sensor=sensor_state, machine=machine_state, transmit=transmit_state
+                source=source_state,
+                sensor=sensor_state,
+                machine=machine_state,
+                transmit=transmit_state,
+                images=images,
             ),
             state_if_dropped=LineState(
-                source=source_state, sensor=sensor_state, machine=machine_state, transmit=state.transmit
+                source=source_state,
+                sensor=sensor_state,
+                machine=machine_state,
+                transmit=state.transmit,
+                images=images,
             ),
         )
 
     def uneven(self, period_ns: int) -> tuple[str, ...]:
+    def _delayed(
+        self, state: LineState, snapshot: Snapshot, estimate: LaneEstimate, tick: Tick
+    ) -> tuple[tuple[latency.Image, ...], latency.Image | None]:
+        """Return the images on their way, and the one that leaves now; None while there is none yet."""
+        newest = latency.Image(estimate=estimate, ego=snapshot.ego, environment=snapshot.scene.environment)
+        pose = self.profile.geometry.pose
+        return latency.delayed(state.images, newest, self.latency_ns, pose, tick)
+
+    def _causes(self, snapshot: Snapshot, sensed: sensing.Sensed, has_image: bool) -> Causes:
+        """Return what the sensor's state follows from."""
+        watches = self.state_config.blocked_after_s is not None
+        return Causes(
+            degraded=sensed.estimate.degraded,
+            environment=snapshot.scene.environment,
+            speed_mps=snapshot.ego.speed_mps,
+            has_image=has_image,
+            hidden=watches and machine.all_hidden(sensed.observation),
+        )
+
+    def _values(self, image: latency.Image, mode: SensorMode) -> SignalValues:
+        """Return what is sent of an image in this state."""
+        estimate = machine.reported(self.state_config, mode, image.estimate)
+        return values_from(self.vehicle, estimate, image.ego, mode, image.environment)
+
         """Say which messages the slots of `period_ns` cannot send at even times, in one sentence if any."""
-        wrong = [plan for plan in self.profile.messages if plan.cycle_ns % period_ns]
+        slot_ns = self.transmitter.slot_period_ns(period_ns)
+        wrong = [plan for plan in self.profile.messages if any(t % slot_ns for t in plan.sending.times_ns)]
         if not wrong:
             return ()
         first = wrong[0]
@@ -152,9 +202,18 @@ def build_source(scenario: Scenario) -> Source:
     """Open the map or the log that the scenario drives on."""
     config, path = scenario.config, scenario.source
     if not path.is_file():
+        latency_ns=round(config.output.latency_ms * 1_000_000),
         raise ConfigError(f"{scenario.path or 'source'}: source = {config.source!r}: no such file {path}")
     environment = config.environment.environment()
     reach_m = config.scene.range_m
+_NO_IMAGE = latency.Image(
+    estimate=LaneEstimate(exposed_at_ns=0, image_index=0, boundaries=()),
+    ego=EgoState(t_ns=0, position_world_m=frozen([0.0, 0.0, 0.0]), speed_mps=0.0),
+    environment=Environment(),
+)
+"""What is sent before the first image has come through."""
+
+
     if path.suffix.lower() in LOG_SUFFIXES:
         return RecordedDrive.load(path, config.drive, config.road, scenario.folder, environment, reach_m)
     return MapDrive.load(

@@ -1,29 +1,88 @@
-"""The sensor's state machine: one place from which validity, SNA and status on the bus all follow.
+"""The sensor's state machine: one place from which validity, quality, SNA and status on the bus all follow.
 
-INIT --init_s--> AVAILABLE <--ego motion lost, back--> DEGRADED          forced: BLOCKED, FAILED
+    reset
+      |
+      v        init_s, first image        calibrated
+    INIT -----------------------> CALIBRATING -----> AVAILABLE <--> DEGRADED    an input lost, rain, night
+      ^                                 ^--------------^---- BLOCKED ----^      camera covered
+      '----- reset ------- FAILED <------ from anywhere, until a reset          a fault within
+
+What is forced from outside wins while it lasts and leaves no trace. Lines are reported in AVAILABLE and
+DEGRADED alone.
 """
 
-from dataclasses import dataclass
-from typing import Annotated
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal
 
 import msgspec
+import numpy as np
 
 from vsensor.schema import Config
-from vsensor.types import NANOSECONDS_PER_SECOND, SensorMode, Tick
+from vsensor.types import (
+    NANOSECONDS_PER_SECOND,
+    Environment,
+    LaneEstimate,
+    Observation,
+    SensorMode,
+    Tick,
+    Unseen,
+)
+
+_DRY_DAY = Environment()
+_Seconds = Annotated[float, msgspec.Meta(ge=0, le=600)]
 
 
 class StateConfig(Config, frozen=True, kw_only=True):
-    """`[state]`: how long the sensor takes to start before it reports lines."""
+    """`[state]`: how long the sensor takes to start, and what makes it less than available.
 
-    init_s: Annotated[float, msgspec.Meta(ge=0, le=600)] = 0.2
+    After `init_s` it calibrates for `calibrating_s` and until it has driven `calibrating_m` at
+    `calibrating_above_mps` or faster. Rain of `degraded_from_rain` (0 to 1) and the light named in
+    `degraded_light` degrade it; no line is better than `degraded_quality` then. It calls itself blocked
+    once something has hidden all lines for `blocked_after_s` (None: never).
+    """
+
+    init_s: _Seconds = 0.2
+    calibrating_s: _Seconds = 0.0
+    calibrating_m: Annotated[float, msgspec.Meta(ge=0, le=100_000)] = 0.0
+    calibrating_above_mps: Annotated[float, msgspec.Meta(ge=0, le=100)] = 0.0
+    degraded_from_rain: Annotated[float, msgspec.Meta(gt=0, le=1)] | None = None
+    degraded_light: tuple[Literal["dusk", "night"], ...] = ()
+    degraded_quality: Annotated[int, msgspec.Meta(ge=0, le=4)] = 4
+    blocked_after_s: Annotated[float, msgspec.Meta(ge=0, le=3600)] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Causes:
+    """What the state follows from at one tick.
+
+    `degraded`: an input is missing or stale. `has_image`: one has come through since the start.
+    `covered`: the camera is; `hidden`: something hides all lines from it. `failed`: a fault within, kept
+    until `reset`. `forced` is the state that somebody demands.
+    """
+
+    degraded: bool = False
+    environment: Environment = _DRY_DAY
+    speed_mps: float = 0.0
+    has_image: bool = True
+    covered: bool = False
+    hidden: bool = False
+    failed: bool = False
+    reset: bool = False
+    forced: SensorMode | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorState:
-    """The mode, and the time since when the sensor is up (its start, later its last reset)."""
+    """The mode, since when the sensor is up (its start or last reset), and how far it drove calibrating.
+
+    `hidden_since_ns`: since when something hides all lines, None while nothing does.
+    """
 
     mode: SensorMode
     up_since_ns: int
+    hidden_since_ns: int | None = None
+    calibrated_m: float = 0.0
+    has_failed: bool = False
 
 
 def initial_state(start_ns: int = 0) -> SensorState:
@@ -31,18 +90,74 @@ def initial_state(start_ns: int = 0) -> SensorState:
     return SensorState(mode=SensorMode.INIT, up_since_ns=start_ns)
 
 
-def advance(
-    config: StateConfig, state: SensorState, *, degraded: bool, tick: Tick, forced: SensorMode | None = None
-) -> SensorState:
-    """Return the state at `tick`; `degraded`: an input is missing or stale; `forced` wins while given."""
-    return SensorState(mode=_mode(config, state, degraded, tick, forced), up_since_ns=state.up_since_ns)
+def advance(config: StateConfig, state: SensorState, causes: Causes, tick: Tick) -> SensorState:
+    """Return the state at `tick`."""
+    if causes.reset:
+        state = initial_state(tick.t_ns)
+    has_failed = state.has_failed or causes.failed
+    up_ns = tick.t_ns - state.up_since_ns
+    is_up = up_ns >= _ns(config.init_s) and causes.has_image
+    driven_m = state.calibrated_m
+    if is_up and causes.speed_mps >= config.calibrating_above_mps:  # never of an unknown speed
+        driven_m += causes.speed_mps * tick.period_ns / NANOSECONDS_PER_SECOND
+    calibrated = up_ns >= _ns(config.init_s) + _ns(config.calibrating_s) and driven_m >= config.calibrating_m
+    hidden_since_ns = None
+    if causes.hidden:
+        hidden_since_ns = tick.t_ns if state.hidden_since_ns is None else state.hidden_since_ns
+    if causes.forced is not None:
+        mode = causes.forced
+    elif has_failed:
+        mode = SensorMode.FAILED
+    elif not is_up:
+        mode = SensorMode.INIT
+    elif causes.covered or _is_blocked(config, hidden_since_ns, tick):
+        mode = SensorMode.BLOCKED
+    elif not calibrated:
+        mode = SensorMode.CALIBRATING
+    else:
+        mode = SensorMode.DEGRADED if _is_degraded(config, causes) else SensorMode.AVAILABLE
+    return replace(
+        state,
+        mode=mode,
+        hidden_since_ns=hidden_since_ns,
+        calibrated_m=min(driven_m, config.calibrating_m),
+        has_failed=has_failed,
+    )
 
 
-def _mode(
-    config: StateConfig, state: SensorState, degraded: bool, tick: Tick, forced: SensorMode | None
-) -> SensorMode:
-    if forced is not None:
-        return forced
-    if tick.t_ns - state.up_since_ns < round(config.init_s * NANOSECONDS_PER_SECOND):
-        return SensorMode.INIT
-    return SensorMode.DEGRADED if degraded else SensorMode.AVAILABLE
+def reported(config: StateConfig, mode: SensorMode, estimate: LaneEstimate) -> LaneEstimate:
+    """Return the estimate as this mode lets it be reported: no lines, or none of a better quality."""
+    if not mode.reports_lines:
+        return replace(estimate, boundaries=(), lane_change=0) if estimate.boundaries else estimate
+    best = config.degraded_quality if mode is SensorMode.DEGRADED else 4
+    if all(line.quality <= best for line in estimate.boundaries):
+        return estimate
+    lines = (replace(line, quality=min(line.quality, best)) for line in estimate.boundaries)
+    return replace(estimate, boundaries=tuple(lines))
+
+
+def all_hidden(observation: Observation) -> bool:
+    """Return whether something hides all paint that the camera would see: a cover, or a lorry close by."""
+    reasons = observation.reason
+    return bool(((reasons == Unseen.OCCLUDED) | np.isin(reasons, _NOT_IN_VIEW)).all()) and bool(
+        (reasons == Unseen.OCCLUDED).any()
+    )
+
+
+_NOT_IN_VIEW = (Unseen.NO_LINE, Unseen.NO_PAINT, Unseen.BEHIND_CAMERA, Unseen.OUTSIDE_IMAGE)
+
+
+def _is_blocked(config: StateConfig, hidden_since_ns: int | None, tick: Tick) -> bool:
+    if config.blocked_after_s is None or hidden_since_ns is None:
+        return False
+    return tick.t_ns - hidden_since_ns >= _ns(config.blocked_after_s)
+
+
+def _is_degraded(config: StateConfig, causes: Causes) -> bool:
+    weather = causes.environment
+    wet = config.degraded_from_rain is not None and weather.rain >= config.degraded_from_rain
+    return causes.degraded or wet or weather.light.name.lower() in config.degraded_light
+
+
+def _ns(seconds: float) -> int:
+    return round(seconds * NANOSECONDS_PER_SECOND)
