@@ -43,7 +43,7 @@ def test_a_magnitude_leaves_out_the_sign_that_the_side_tells(tmp_path, positive)
 
 
 def test_a_magnitude_of_what_has_no_side_is_refused(tmp_path):
-    with pytest.raises(ConfigError, match="sign of left.heading cannot be told"):
+    with pytest.raises(ConfigError, match=r"sign of left\.heading cannot be told"):
         profile_with(tmp_path, 'L = { quantity = "left.heading", magnitude = true }\n')
 
 
@@ -116,7 +116,8 @@ SPLIT = (
 )
 SPLIT_PROFILE = (
     MESSAGE + 'Low = {{ quantity = "{quantity}", bits = [6, 0] {more} }}\n'
-    'Mid = {{ quantity = "{quantity}", bits = [12, 7] }}\nHigh = {{ quantity = "{quantity}", bits = [16, 13] }}\n'
+    'Mid = {{ quantity = "{quantity}", bits = [12, 7] }}\n'
+    'High = {{ quantity = "{quantity}", bits = [16, 13] }}\n'
 )
 
 

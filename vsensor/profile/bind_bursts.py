@@ -151,8 +151,10 @@ def _covered(
             f"{where}: covers bytes {cover.first} to {last} of {cover.message}, which has 0 to "
             f"{plan.layout.length - 1}"
         )
-    places = tuple(place for place in range(cover.first, last + 1) if not skipped >> 8 * place & 0xFF)
-    return [((cover.message, page), places) for page in range(len(plan.pages))]
+    all_places = range(cover.first, last + 1)
+    places = tuple(place for place in all_places if not skipped >> 8 * place & 0xFF)
+    # The checksum is in the first page of its message alone.
+    return [((cover.message, page), tuple(all_places) if page else places) for page in range(len(plan.pages))]
 
 
 def bits_of(layout: Layout, signal: SignalLayout) -> int:

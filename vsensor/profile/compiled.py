@@ -93,7 +93,7 @@ class Profile:
                 if binding.quantity not in values or math.isnan(values[binding.quantity]):
                     values[binding.quantity] = value
         for validity in plan.validities:
-            if raws.get(validity.signal.name) != validity.valid_raw:
+            if raws.get(validity.signal.name, validity.valid_raw) != validity.valid_raw:
                 values |= dict.fromkeys(filter(validity.covers, values), math.nan)
         return values
 
@@ -131,8 +131,8 @@ class Profile:
             if broken is not None:
                 rows = rows[~broken[rows]]
             if len(rows):
-                for quantity, values in _bulk_values(plan, data[rows, : plan.layout.length]).items():
-                    parts.setdefault(quantity, []).append(Column(rows=rows, values=values))
+                for quantity, column in _columns(plan, rows, data[rows, : plan.layout.length]).items():
+                    parts.setdefault(quantity, []).append(column)
         return {quantity: _merged(columns) for quantity, columns in parts.items()}
 
     def broken_rows(
@@ -202,15 +202,27 @@ def _rows(
     return np.flatnonzero(mine)
 
 
-def _bulk_values(plan: MessagePlan, data: CodeArray) -> dict[str, Array]:
+def _columns(plan: MessagePlan, rows: IntArray, data: CodeArray) -> dict[str, Column]:
+    """Return the quantities of the frames `rows` (N,) of a message, `data` (N, L), where they carry them."""
     reader = BulkReader(plan.layout, data)
+    values = _bulk_values(plan, reader)
+    if not plan.layout.muxers:
+        return {quantity: Column(rows=rows, values=column) for quantity, column in values.items()}
+    carried = {quantity: np.zeros(len(rows), dtype=bool) for quantity in values}
+    for binding in plan.told:
+        carried[binding.quantity] |= np.all([reader.selected(s) for s in binding.signals], axis=0)
+    columns = {q: Column(rows=rows[mask], values=values[q][mask]) for q, mask in carried.items()}
+    return {quantity: column for quantity, column in columns.items() if len(column.rows)}
+
+
+def _bulk_values(plan: MessagePlan, reader: BulkReader) -> dict[str, Array]:
     values: dict[str, Array] = {}
     for binding in plan.told:
         told, before = binding.column(reader), values.get(binding.quantity)
         values[binding.quantity] = told if before is None else np.where(np.isnan(before), told, before)
     for validity in plan.validities:
         signal = validity.signal
-        valid = (reader.raw(signal.name) == validity.valid_raw) & reader.selected(signal)
+        valid = (reader.raw(signal.name) == validity.valid_raw) | ~reader.selected(signal)
         for quantity in filter(validity.covers, list(values)):
             values[quantity] = np.where(valid, values[quantity], np.nan)
     return values
