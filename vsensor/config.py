@@ -19,12 +19,14 @@ from vsensor.sensor import SensorConfig
 from vsensor.signals import VehicleConfig
 from vsensor.sources import LOG_SUFFIXES, MAP_SUFFIXES
 from vsensor.sources.drive import DriveConfig
+from vsensor.sources.listening import ListenConfig
 from vsensor.sources.map_drive import EgoConfig, EnvironmentConfig
 from vsensor.sources.standing import ObstacleConfig
 from vsensor.sources.traffic import TrafficConfig
 from vsensor.state import StateConfig
 from vsensor.tracker import TrackerConfig
 from vsensor.world.laid_road import LaidRoadConfig
+from vsensor.world.vehicle import DynamicsConfig
 
 SCHEMA = "vsensor.scenario/1"
 SHIPPED = Path(__file__).parent / "scenarios"
@@ -39,9 +41,9 @@ class BusConfig(Config, frozen=True, kw_only=True):
 
     profile: str = "native"
     dbc: str | None = None
-
-
     latency_ms: Annotated[float, msgspec.Meta(ge=0, le=1000)] = 0.0
+
+
 class ScenarioConfig(Config, frozen=True, kw_only=True):
     """A scenario: where the truth comes from, the sensor, and what goes out."""
 
@@ -54,6 +56,8 @@ class ScenarioConfig(Config, frozen=True, kw_only=True):
     traffic: tuple[TrafficConfig, ...] = ()
     obstacle: tuple[ObstacleConfig, ...] = ()
     environment: EnvironmentConfig = EnvironmentConfig()
+    listen: ListenConfig = ListenConfig()
+    dynamics: DynamicsConfig = DynamicsConfig()
     drive: DriveConfig = DriveConfig()
     road: LaidRoadConfig = LaidRoadConfig()
     vehicle: VehicleConfig = VehicleConfig()

@@ -13,13 +13,14 @@ from vsensor import latency
 from vsensor import sensor as sensing
 from vsensor import state as machine
 from vsensor import transmit as sending
-from vsensor.config import Scenario
+from vsensor.config import Scenario, ScenarioConfig
 from vsensor.errors import ConfigError
 from vsensor.profile import Profile, load_profile
 from vsensor.sensor import Lap, Sensor, no_lap
 from vsensor.signals import VehicleConfig, values_from
 from vsensor.sources import LOG_SUFFIXES, Inputs, Source
 from vsensor.sources.drive import RecordedDrive
+from vsensor.sources.live import LiveDrive
 from vsensor.sources.map_drive import MapDrive
 from vsensor.state import Causes, StateConfig
 from vsensor.transmit import TransmitState, Transmitter
@@ -45,8 +46,8 @@ class LineState:
     sensor: sensing.SensorState
     machine: machine.SensorState
     transmit: TransmitState
-
     images: tuple[latency.Image, ...] = ()
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Computed:
@@ -66,8 +67,8 @@ class Line:
     vehicle: VehicleConfig
     state_config: StateConfig
     transmitter: Transmitter
-
     latency_ns: int = 0
+
     @property
     def profile(self) -> Profile:
         """The profile that the frames follow."""
@@ -95,8 +96,8 @@ class Line:
         if snapshot is None:
             return None
         sensor_state, sensed = sensing.sense(self.sensor, state.sensor, snapshot, tick, lap)
-        machine_state = machine.advance(
         images, image = self._delayed(state, snapshot, sensed.estimate, tick)
+        machine_state = machine.advance(
             self.state_config, state.machine, self._causes(snapshot, sensed, image is not None), tick
         )
         values = self._values(image or _NO_IMAGE, machine_state.mode)
@@ -130,7 +131,6 @@ class Line:
             ),
         )
 
-    def uneven(self, period_ns: int) -> tuple[str, ...]:
     def _delayed(
         self, state: LineState, snapshot: Snapshot, estimate: LaneEstimate, tick: Tick
     ) -> tuple[tuple[latency.Image, ...], latency.Image | None]:
@@ -155,6 +155,7 @@ class Line:
         estimate = machine.reported(self.state_config, mode, image.estimate)
         return values_from(self.vehicle, estimate, image.ego, mode, image.environment)
 
+    def uneven(self, period_ns: int) -> tuple[str, ...]:
         """Say which messages the slots of `period_ns` cannot send at even times, in one sentence if any."""
         slot_ns = self.transmitter.slot_period_ns(period_ns)
         wrong = [plan for plan in self.profile.messages if any(t % slot_ns for t in plan.sending.times_ns)]
@@ -167,8 +168,25 @@ class Line:
         )
 
     def accepts(self, frame: Frame) -> bool:
-        """Return whether a frame that was heard decodes through the profile, CRC included."""
+        """Return whether a frame that was heard decodes, CRC included, as ours or as one listened to."""
+        if isinstance(self.source, LiveDrive) and self.source.accepts(frame):
+            return True
         return self.profile.decode(frame, check=True) is not None
+
+    @property
+    def needs_bus(self) -> bool:
+        """Whether what moves the vehicle comes from a bus."""
+        return isinstance(self.source, LiveDrive) and self.source.needs_bus
+
+    @property
+    def is_fd(self) -> bool:
+        """Whether a message that is sent or listened to is CAN FD."""
+        listens = isinstance(self.source, LiveDrive) and self.source.listener.is_fd
+        return listens or any(plan.layout.is_fd for plan in self.profile.messages)
+
+    def remarks(self, state: LineState) -> tuple[str, ...]:
+        """Say what went wrong in the world on the way, for the end of a run."""
+        return self.source.remarks(state.source) if isinstance(self.source, LiveDrive) else ()
 
 
 def build_line(scenario: Scenario) -> Line:
@@ -184,7 +202,16 @@ def build_line(scenario: Scenario) -> Line:
         vehicle=config.vehicle,
         state_config=config.state,
         transmitter=Transmitter(profile, config.vehicle, config.camera.position_m[0]),
+        latency_ns=round(config.output.latency_ms * 1_000_000),
     )
+
+
+_NO_IMAGE = latency.Image(
+    estimate=LaneEstimate(exposed_at_ns=0, image_index=0, boundaries=()),
+    ego=EgoState(t_ns=0, position_world_m=frozen([0.0, 0.0, 0.0]), speed_mps=0.0),
+    environment=Environment(),
+)
+"""What is sent before the first image has come through."""
 
 
 @contextmanager
@@ -202,23 +229,27 @@ def build_source(scenario: Scenario) -> Source:
     """Open the map or the log that the scenario drives on."""
     config, path = scenario.config, scenario.source
     if not path.is_file():
-        latency_ns=round(config.output.latency_ms * 1_000_000),
         raise ConfigError(f"{scenario.path or 'source'}: source = {config.source!r}: no such file {path}")
     environment = config.environment.environment()
     reach_m = config.scene.range_m
-_NO_IMAGE = latency.Image(
-    estimate=LaneEstimate(exposed_at_ns=0, image_index=0, boundaries=()),
-    ego=EgoState(t_ns=0, position_world_m=frozen([0.0, 0.0, 0.0]), speed_mps=0.0),
-    environment=Environment(),
-)
-"""What is sent before the first image has come through."""
-
-
     if path.suffix.lower() in LOG_SUFFIXES:
+        _require_lane(config)
         return RecordedDrive.load(path, config.drive, config.road, scenario.folder, environment, reach_m)
-    return MapDrive.load(
+    drive = MapDrive.load(
         path, config.ego, config.traffic, environment, reach_m, config.obstacle, scenario.folder
     )
+    if config.ego.control == "lane" and not config.listen.profiles:
+        return drive
+    wheelbase_m = config.vehicle.wheelbase_m
+    return LiveDrive.load(drive, config.ego, config.listen, config.dynamics, wheelbase_m, scenario.folder)
+
+
+def _require_lane(config: ScenarioConfig) -> None:
+    """Raise ConfigError where a recorded drive is told to listen."""
+    if config.ego.control != "lane":
+        raise ConfigError(f'ego.control = "{config.ego.control}": a map as source was expected')
+    if config.listen.profiles:
+        raise ConfigError("listen.profile: a recorded drive listens to nothing; a map as source was expected")
 
 
 def tick_count(scenario: Scenario, source: Source) -> int | None:
