@@ -75,8 +75,16 @@ def test_a_published_example_is_right_and_tells_its_counter(name, settings, coun
 
 @pytest.mark.parametrize(
     ("name", "states"),
-    [("P01", 15), ("P02", 16), ("P04", 65536), ("P05", 256), ("P06", 256), ("P07", 1 << 32), ("P11", 15)]
-    + [("P22", 16)],
+    {
+        "P01": 15,
+        "P02": 16,
+        "P04": 1 << 16,
+        "P05": 256,
+        "P06": 256,
+        "P07": 1 << 32,
+        "P11": 15,
+        "P22": 16,
+    }.items(),
 )
 def test_the_counter_has_the_states_of_the_specification(name, states):
     data_id = ONE_TO_SIXTEEN if name in ("P02", "P22") else 1
