@@ -216,6 +216,7 @@ def test_a_confirmation_that_is_read_a_cycle_later_belongs_to_the_frame_that_was
         sent_ns = 40_000_000 * cycle_number
         monkeypatch.setattr(time, "monotonic_ns", lambda now_ns=sent_ns: now_ns)
         bus.send(replace(CLASSIC, due_ns=cycle_number))
+        bus.drain()
         stamps.append(sent_ns + 100_000)
     port.waiting = [(replace(CLASSIC, due_ns=stamp), True) for stamp in stamps]
     bus.drain()

@@ -20,9 +20,9 @@ def ip(*words):
     subprocess.run(["ip", "link", *words], check=True)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def vcan2():
-    """A vcan of this file's own, which may be taken away; every test leaves it up."""
+    """A vcan of this test's own: it may be taken away, and nothing of an earlier test is still under way."""
     ip("add", "vcan2", "type", "vcan")
     ip("set", "vcan2", "up")
     yield "vcan2"

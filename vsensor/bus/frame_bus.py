@@ -36,6 +36,7 @@ class FrameBus:
         self._say: Callable[[str], None] = nobody
         self._outages = Outages(name, lambda text: self._say(text))
         self._bus_off, self._may_mend = False, True
+        self._cycle_ns: int | None = None  # when this cycle's first frame was handed over
         self._sent: dict[tuple[int, bool], deque[tuple[int, int]]] = {}  # id, is 29-bit -> its latest frames
         self._confirmed: list[tuple[int, int]] = []
 
@@ -52,19 +53,20 @@ class FrameBus:
 
     def send(self, frame: Frame) -> bool:
         """Send now, whatever `frame.due_ns` says; False if the bus refused the frame."""
-        now_ns = time.monotonic_ns()
+        if self._cycle_ns is None:  # read once a cycle: in a user-mode kernel that takes some 10 us
+            self._cycle_ns = time.monotonic_ns()
         try:
             self._hand_over(frame)
         except (can.CanError, OSError, ValueError) as problem:
             self.frames_refused += 1
-            self._outages.refused(reason_of(problem, self.name.partition(":")[2]), now_ns)
+            self._outages.refused(reason_of(problem, self.name.partition(":")[2]), self._cycle_ns)
             return False
         if self._outages.is_out:
-            self._outages.taken(now_ns)
+            self._outages.taken(self._cycle_ns)
         key = frame.arbitration_id, frame.is_extended
         if key not in self._sent:
             self._sent[key] = deque(maxlen=UNCONFIRMED)
-        self._sent[key].append((now_ns, frame.due_ns))
+        self._sent[key].append((self._cycle_ns, frame.due_ns))
         return True
 
     def drain(self) -> list[Frame]:
@@ -83,7 +85,7 @@ class FrameBus:
         except (can.CanError, OSError):  # the interface went down: sending tells that, too
             self._bus_off = False
         self._outages.cycle_ends(times.now_ns)
-        self._may_mend = True
+        self._may_mend, self._cycle_ns = True, None
         return heard
 
     def confirmed(self) -> list[tuple[int, int]]:

@@ -10,6 +10,7 @@ import can
 from vsensor.types import Frame
 
 OTHER_CLOCK_NS = 10_000_000_000  # a receive time this far from now does not count from 1970
+INTERRUPTED_NS = 100_000  # reading a clock takes 0.1 us, in a user-mode kernel 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,9 +22,12 @@ class Times:
 
     @classmethod
     def read(cls) -> "Times":
-        """Return this moment."""
-        now_ns = time.monotonic_ns()
-        return cls(now_ns, time.time_ns() - now_ns)
+        """Return this moment; read again where something came between the readings of the two clocks."""
+        for _ in range(3):
+            before_ns, epoch_ns, now_ns = time.monotonic_ns(), time.time_ns(), time.monotonic_ns()
+            if now_ns - before_ns < INTERRUPTED_NS:
+                break
+        return cls(now_ns, epoch_ns - (before_ns + now_ns) // 2)
 
     def monotonic_ns(self, epoch_ns: int) -> int:
         """Return a stamp in ns since 1970 on the monotonic clock; now, if it counts from elsewhere."""
