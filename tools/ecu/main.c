@@ -135,6 +135,7 @@ static int run_bus(struct ecu *ecu, const struct options *options)
         if (step_ns < before_ns) /* after a stall: no burst of requests */
             step_ns = before_ns + ECU_STEP_NS;
     }
+    drain(ecu, &bus); /* what had come before the signal */
     ecu_report(ecu, now_ns(), bus.overrun, stdout);
     return 0;
 }
