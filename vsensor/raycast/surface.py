@@ -38,7 +38,10 @@ def hidden_by_surface(origin_m: Array, points_m: Array, sections_m: Array) -> Bo
     places = _samples(relative)
     tried = relative[places]
     clearance = _clearance_m(tried, _between(tried, sections_m - origin_m))
-    return np.interp(np.arange(count), places, clearance) < -LIFT_M
+    if not (clearance < -LIFT_M).any():
+        return np.zeros(count, dtype=bool)
+    hidden: BoolArray = np.interp(np.arange(count), places, clearance) < -LIFT_M
+    return hidden
 
 
 def _samples(points: Array) -> IntArray:
@@ -54,8 +57,8 @@ def _samples(points: Array) -> IntArray:
 
 def _between(points: Array, sections: Array) -> Array:
     """Return the sections that can lie between the camera and one of the points, seen along their mean."""
-    mean = np.nan_to_num(points[:, :2]).sum(axis=0)
-    along = sections[..., :2] @ mean
+    mean = np.add.reduce(points[:, :2], where=~np.isnan(points[:, :2]))
+    along = (sections.reshape(-1, 3)[:, :2] @ mean).reshape(sections.shape[:2])
     is_ahead = np.fmax.reduce(along, axis=1) > 0.0
     is_ahead &= np.fmin.reduce(along, axis=1) < np.fmax.reduce(points[:, :2] @ mean, initial=0.0)
     between: Array = sections[is_ahead]
@@ -63,31 +66,43 @@ def _between(points: Array, sections: Array) -> Array:
 
 
 def _clearance_m(points: Array, sections: Array) -> Array:
-    """Return how far above the road each sight line passes at the least (K,), its length if there is none."""
-    start, side = sections[:, :-1], np.diff(sections, axis=1)
+    """Return how far above the road each sight line passes at the least (K,), at most 1.
+
+    A sight line to p crosses, seen from above, the section from a to b = a + s where a x p and b x p
+    differ in sign, at the fraction u = -(a x s) / (s x p) of the line; there it is higher than the road
+    by u p_z - a_z - t s_z, t = -(a x p) / (s x p).
+    """
+    a, s, low, high = _spans(sections)
+    axs = a[:, 0] * s[:, 1] - a[:, 1] * s[:, 0]
+    over = np.array([points[:, 1], -points[:, 0]])  # v @ over = v x p
+    sxp = s[:, :2] @ over
+    crosses = (a[:, :2] + low * s[:, :2]) @ over
+    crosses *= (a[:, :2] + high * s[:, :2]) @ over
+    sxp[sxp == 0.0] = np.nan  # a section that points along the sight line
+    np.divide(-1.0, sxp, out=sxp)
+    above = np.column_stack([s[:, 2] * a[:, 1], -s[:, 2] * a[:, 0], axs]) @ points.T
+    above *= sxp
+    above -= a[:, 2:]
+    sxp *= axs[:, None]
+    is_before = crosses <= 0.0
+    is_before &= sxp > _NEAR
+    is_before &= sxp < 1.0 - _NEAR
+    least: Array = np.where(is_before, above, 1.0).min(axis=0, initial=1.0)
+    return least
+
+
+def _spans(sections: Array) -> tuple[Array, Array, Array, Array]:
+    """Return start (S, 3) and side (S, 3) of every two borders of a section, and which t are on the road.
+
+    t is from 0 to 1, low (S, 1) to high (S, 1), but goes on beside the outermost borders.
+    """
+    start = sections[:, :-1]
+    side = sections[:, 1:] - start
     there = ~np.isnan(side[..., 2])
-    is_last = there & ~np.roll(there, -1, axis=1)
-    is_last[:, -1] = there[:, -1]
-    verge = VERGE_M / np.hypot(side[..., 0], side[..., 1])
+    is_last = there.copy()
+    is_last[:, :-1] &= ~there[:, 1:]
+    width = np.hypot(side[..., 0], side[..., 1])
+    verge = VERGE_M / np.where(width > 0.0, width, np.inf)
     low, high = np.zeros(there.shape), np.where(is_last, 1.0 + verge, 1.0)
     low[:, 0] = -verge[:, 0]
-    start, side = start[there], side[there]
-    low, high = low[there, None], high[there, None]
-    along = points[:, :2].T  # (2, K)
-    length = np.sqrt((along * along).sum(axis=0))
-    along = along / np.where(length > 0.0, length, np.nan)
-    beside = np.array([along[1], -along[0]])
-    across = side[:, :2] @ beside
-    across[across == 0.0] = np.nan
-    t = (-start[:, :2] @ beside) / across
-    is_before = (t >= low) & (t <= high)
-    distance = side[:, :2] @ along
-    distance *= t
-    distance += start[:, :2] @ along
-    is_before &= (distance > _NEAR * length) & (distance < (1.0 - _NEAR) * length)
-    distance *= points[:, 2] / np.where(length > 0.0, length, np.nan)
-    t *= side[:, 2:]
-    t += start[:, 2:]
-    above = np.subtract(distance, t, out=distance)
-    least: Array = np.where(is_before, above, np.inf).min(axis=0, initial=np.inf)
-    return np.minimum(least, 1.0)
+    return start[there], side[there], low[there, None], high[there, None]
