@@ -11,7 +11,7 @@ none came for `timeout_ms`. All of that is a value, `Listened`, so a run restart
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import isfinite
+from math import inf, isfinite, nan
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Literal
@@ -19,13 +19,14 @@ from typing import Annotated, Literal
 import msgspec
 
 from vsensor.errors import ConfigError
-from vsensor.profile import MessagePlan, Profile
+from vsensor.profile import QUANTITIES, MessagePlan, Profile
 from vsensor.schema import Config
 from vsensor.sources.profiles import profiles_of
 from vsensor.types import Frame, Tick
 
 CYCLES_MISSED = 3
 TIMEOUT_WITHOUT_CYCLE_MS = 200.0
+OTHER_CLOCK_NS = 10_000_000_000  # a receive time this far from the tick is of another clock
 
 LARGEST: Mapping[str, float] = MappingProxyType(
     {
@@ -162,7 +163,8 @@ class Listener:
     def hear(self, state: Listened, frames: Sequence[Frame], tick: Tick) -> tuple[Listened, tuple[News, ...]]:
         """Return the state after `frames`, whose times count from slot 0, and what each of them told.
 
-        Times run forward: one before the last of its message or after the tick is put there.
+        Times run forward: one before the last of its message or after the tick is put there, and one that
+        cannot be meant counts as now.
         """
         news = []
         counters = dict(state.counters)
@@ -175,7 +177,8 @@ class Listener:
                 plan, values = told
                 if not _is_new(plan, frame, counters):
                     continue
-                t_ns = min(frame.due_ns, tick.t_ns)
+                t_ns = frame.due_ns if abs(frame.due_ns - tick.t_ns) < OTHER_CLOCK_NS else tick.t_ns
+                t_ns = min(t_ns, tick.t_ns)
                 t_ns = max([t_ns, *(quantities[name].t_ns for name in values if name in quantities)])
                 for name, value in values.items():
                     _put(quantities, name, value, t_ns)
@@ -212,7 +215,11 @@ def _timeout_ns(config: ListenConfig, plan: MessagePlan) -> int:
 
 
 def _plausible(name: str, value: float) -> float:
-    return value if abs(value) <= LARGEST.get(name, float("inf")) else float("nan")
+    """Return a value that a vehicle may have, NaN for any other: signals hold codes that mean nothing."""
+    codes = QUANTITIES[name].codes
+    if codes is not None:
+        return value if value in {float(code) for code in codes} else nan
+    return value if abs(value) <= LARGEST.get(name, inf) else nan
 
 
 def _put(quantities: dict[str, Heard], name: str, value: float, t_ns: int) -> None:

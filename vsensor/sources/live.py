@@ -9,7 +9,7 @@ single-track vehicle, "lane" follows the lane as without a bus and listens to li
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import cos, isfinite
+from math import cos, isfinite, pi, remainder
 from pathlib import Path
 from typing import Any
 
@@ -202,7 +202,7 @@ def _ego(motion: Motion, foot: Foot, t_ns: int) -> EgoState:
         position_world_m=frozen((pose.x_m, pose.y_m, z_m)),
         roll_rad=foot.roll_rad,
         pitch_rad=foot.pitch_rad,
-        yaw_rad=pose.yaw_rad,
+        yaw_rad=remainder(pose.yaw_rad, 2 * pi),
         speed_mps=motion.speed_mps,
         yaw_rate_radps=motion.yaw_rate_radps,
         acceleration_mps2=motion.acceleration_mps2,

@@ -100,7 +100,7 @@ class Corridor:
 
     @cached_property
     def lap_m(self) -> float:
-        """Length of the route; of one that returns to itself a round, and up to a piece of road more."""
+        """Length of the route; of one that returns to itself at least one round."""
         return self._blocks.end_m if self.length_m == math.inf else self.length_m
 
     def poses(self, s_m: Array, offset_m: Array | float = 0.0) -> Poses:
