@@ -75,7 +75,7 @@ def _moved(line: Boundary, motion: Motion) -> Boundary:
         return line
     nodes = np.cos(np.pi * (np.arange(order + 4) + 0.5) / (order + 4))
     x: Array = (start + end) / 2 + (end - start) / 2 * np.concatenate([nodes, [-1.0, 1.0]])
-    y: Array = np.polynomial.polynomial.polyval(x, line.coefficients)
+    y = np.asarray(np.polynomial.polynomial.polyval(x, line.coefficients), dtype=np.float64)
     there_x, there_y = _seen_from(motion, x, y)
     low, high = float(there_x[-2]), float(there_x[-1])
     if high <= low:  # turned across the line

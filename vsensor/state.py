@@ -12,6 +12,7 @@ DEGRADED alone.
 """
 
 from dataclasses import dataclass, replace
+from math import isfinite
 from typing import Annotated, Literal
 
 import msgspec
@@ -20,6 +21,7 @@ import numpy as np
 from vsensor.schema import Config
 from vsensor.types import (
     NANOSECONDS_PER_SECOND,
+    Boundary,
     Environment,
     LaneEstimate,
     Observation,
@@ -126,14 +128,22 @@ def advance(config: StateConfig, state: SensorState, causes: Causes, tick: Tick)
 
 
 def reported(config: StateConfig, mode: SensorMode, estimate: LaneEstimate) -> LaneEstimate:
-    """Return the estimate as this mode lets it be reported: no lines, or none of a better quality."""
+    """Return the estimate as this mode lets it be reported: no lines, or none of a better quality.
+
+    A line whose numbers are not all finite is none: it cannot be available without them.
+    """
     if not mode.reports_lines:
         return replace(estimate, boundaries=(), lane_change=0) if estimate.boundaries else estimate
     best = config.degraded_quality if mode is SensorMode.DEGRADED else 4
-    if all(line.quality <= best for line in estimate.boundaries):
+    lines = estimate.boundaries
+    if all(line.quality <= best and _is_finite(line) for line in lines):
         return estimate
-    lines = (replace(line, quality=min(line.quality, best)) for line in estimate.boundaries)
-    return replace(estimate, boundaries=tuple(lines))
+    kept = (replace(line, quality=min(line.quality, best)) for line in lines if _is_finite(line))
+    return replace(estimate, boundaries=tuple(kept))
+
+
+def _is_finite(line: Boundary) -> bool:
+    return isfinite(sum(line.coefficients.tolist(), line.x_min_m + line.x_max_m))
 
 
 def all_hidden(observation: Observation) -> bool:
