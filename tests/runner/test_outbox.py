@@ -114,6 +114,21 @@ def test_a_later_group_that_is_too_late_is_dropped_alone_and_counted():
     assert late == [0.0, 0.0]
 
 
+def test_a_message_of_a_faster_cycle_is_dropped_when_half_of_that_is_over():
+    slots = [[*(frame(1, 40 * k + 10 * n) for n in range(4)), frame(2, 40 * k + 10)] for k in range(2)]
+    bus, outbox, _ = run(slots, Clock(stall_at_ns=10 * MS, stall_ns=7 * MS))
+    assert [at for number, at in bus.sent if number == 1] == [0.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0]
+    assert outbox.groups_dropped == 1
+
+
+def test_messages_with_phases_closer_than_they_are_late_are_all_sent():
+    bus, outbox, _ = run(
+        [[frame(1, 0), frame(2, 1), frame(3, 2)]], Clock(stall_at_ns=1 * MS, stall_ns=5 * MS)
+    )
+    assert bus.sent == [(1, 0.0), (2, 6.0), (3, 6.0)]
+    assert outbox.groups_dropped == 0
+
+
 def test_after_a_stall_nothing_that_is_past_is_sent_in_a_burst():
     bus, _, late = run([[frame(1, 40 * k)] for k in range(8)], Clock(stall_at_ns=40 * MS, stall_ns=150 * MS))
     assert bus.sent == [(1, 0.0), (1, 190 + 10), (1, 240.0), (1, 280.0)]

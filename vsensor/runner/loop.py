@@ -65,16 +65,23 @@ def run_loop(
             for sink in sinks:
                 sink.write(output)
         if bus is not None:
-            heard = bus.drain()
-            summary.frames_heard += len(heard)
-            summary.frames_decoded += sum(line.accepts(frame) for frame in heard)
+            arrived = bus.drain()
+            heard = tuple(_since(start_ns, frame) for frame in arrived if line.accepts(frame))
+            summary.frames_heard += len(arrived)
+            summary.frames_decoded += len(heard)
             for due_ns, stamp_ns in bus.confirmed():
                 summary.timing.on_bus(start_ns + due_ns, stamp_ns)
         watch.lap("sinks")
         index += 1
         on_tick(index)
     summary.frames_refused, summary.groups_dropped = outbox.frames_refused, outbox.groups_dropped
+    summary.notes += line.remarks(state)
     summary.ticks = index
     summary.interrupted = stop()
     summary.wall_s = time.perf_counter() - began
     return summary
+
+
+def _since(start_ns: int, frame: Frame) -> Frame:
+    """Return a frame with its receive time counted from slot 0, as the source takes it."""
+    return replace(frame, due_ns=frame.due_ns - start_ns)

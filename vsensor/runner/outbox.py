@@ -1,6 +1,6 @@
 """Frames that wait for their time: each group leaves at its own, what is too late is not sent at all."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import groupby
 from operator import attrgetter, itemgetter
 from typing import NamedTuple, Protocol
@@ -29,11 +29,12 @@ class FrameBus(Protocol):
 
 
 class Group(NamedTuple):
-    """Frames of one tick that are due together, `due_ns` after slot 0."""
+    """Frames of one tick that are due together, `due_ns` after slot 0, and no more than `limit_ns` late."""
 
     due_ns: int
     tick: int
     frames: tuple[Frame, ...]
+    limit_ns: int
 
 
 class Outbox:
@@ -43,7 +44,8 @@ class Outbox:
         |  A     B    ...  |  A     B         A, B: groups of a slot, such as messages with a phase
         |<- half a period: a group that is not gone by then is dropped
 
-    A tick whose first group is too late is dropped as a whole; of a later group only itself. A group that
+    The period is that of the slots, or the time to the same message's next frame in this slot if that is
+    shorter. A tick whose first group is more than half a slot late is dropped as a whole. A group that
     is due in a later tick's time (a delayed frame) waits, and leaves between that tick's groups.
     """
 
@@ -67,21 +69,21 @@ class Outbox:
         latency_ns = self._latency_ns or 0
         horizon_ns = tick.t_ns + self._period_ns + latency_ns
         if not frames:
-            self._waiting.append(Group(tick.t_ns + latency_ns, tick.index, ()))
+            self._waiting.append(Group(tick.t_ns + latency_ns, tick.index, (), self._period_ns // 2))
             self._waiting.sort(key=itemgetter(0))
         lateness_ns: int | None = 0
         is_first = True
         while self._waiting and self._waiting[0].due_ns < horizon_ns:
             group = self._waiting.pop(0)
             late_ns = self._wait(group)
-            is_late = late_ns > self._period_ns // 2
             if group.tick == tick.index and is_first:
                 is_first = False
-                lateness_ns = None if is_late else late_ns
-                if is_late:
+                lateness_ns = late_ns
+                if late_ns > self._period_ns // 2:
                     self._waiting = [other for other in self._waiting if other.tick != tick.index]
+                    lateness_ns = None
                     continue
-            if is_late:
+            if late_ns > group.limit_ns:
                 self.groups_dropped += 1
             elif group.frames:
                 self._send(group, late_ns)
@@ -98,10 +100,20 @@ class Outbox:
             return
         latency_ns = ordered[0].due_ns - tick.t_ns
         self._latency_ns = latency_ns if self._latency_ns is None else min(self._latency_ns, latency_ns)
-        self._waiting += [
-            Group(due_ns, tick.index, tuple(some)) for due_ns, some in groupby(ordered, _due_ns)
-        ]
+        if ordered[0].due_ns == ordered[-1].due_ns:
+            self._waiting.append(Group(ordered[0].due_ns, tick.index, tuple(ordered), self._period_ns // 2))
+        else:
+            self._waiting += self._groups(tick, ordered)
         self._waiting.sort(key=itemgetter(0))
+
+    def _groups(self, tick: Tick, ordered: Sequence[Frame]) -> Iterator[Group]:
+        """Yield the groups, the last one first: how late one may be depends on those after it."""
+        next_due_ns: dict[int, int] = {}
+        for due_ns, some in reversed([(due_ns, tuple(some)) for due_ns, some in groupby(ordered, _due_ns)]):
+            ids = [frame.arbitration_id for frame in some]
+            gaps_ns = [next_due_ns[number] - due_ns for number in ids if number in next_due_ns]
+            next_due_ns |= dict.fromkeys(ids, due_ns)
+            yield Group(due_ns, tick.index, some, min([self._period_ns, *gaps_ns]) // 2)
 
     def _wait(self, group: Group) -> int:
         due_ns = self._start_ns + group.due_ns
