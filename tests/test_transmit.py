@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.bus_values import AVAILABLE, PERIOD_NS, boundary, ego, estimate, four_lines, slot
-from vsensor.errors import ConfigError
+from vsensor.errors import ConfigError, DbcError
 from vsensor.profile import QUANTITIES, load_profile
 from vsensor.signals import VehicleConfig, values_from
 from vsensor.transmit import Transmitter, initial_state, transmit
@@ -278,3 +278,21 @@ def test_protection_in_big_endian_signals_stands_where_it_belongs(tmp_path):
         state, frames = sent(values(four_lines()), index, state, transmitter)
         assert profile.decode(frames[0], check=True) == {"left.offset_m": 1.8}
         assert reference.decode_message(5, frames[0].data)["Cnt"] == index % 15
+
+
+WIDE = 'BO_ 5 M: 8 A\n SG_ Off : 0|8@1- (0.1,0) [-{0}|{0}] "m" B\n'
+WIDE_PROFILE = '[messages.M]\ncycle_ms = 40\nsignals = {{ Off = "left.offset_m" }}\n'
+
+
+def test_a_declared_range_beyond_the_bits_is_refused_when_sending_unless_it_is_to_saturate(tmp_path):
+    with pytest.raises(DbcError, match=r"M\.Off: range \[-13\|13\] exceeds what 8 bits hold"):
+        Transmitter(profile_of(tmp_path, WIDE.format(13), WIDE_PROFILE.format()), VEHICLE)
+    text = 'wide_ranges = "saturate"\n' + WIDE_PROFILE.format()
+    transmitter = Transmitter(profile_of(tmp_path, WIDE.format(13), text), VEHICLE)
+    lines = estimate(boundary(Side.LEFT, [500.0]))
+    assert sent(values(lines), transmitter=transmitter)[1][0].data[0] == 127
+
+
+def test_a_range_that_ends_one_step_behind_the_bits_is_a_habit(tmp_path):
+    transmitter = Transmitter(profile_of(tmp_path, WIDE.format(12.8), WIDE_PROFILE.format()), VEHICLE)
+    assert sent(values(four_lines()), transmitter=transmitter)[1][0].data[0] == 18

@@ -34,16 +34,16 @@ def _is_placeholder(signal: SignalLayout) -> bool:
     return (signal.minimum, signal.maximum) in ((0, 1), (0, 0)) and signal.length > 1
 
 
-def excess_range(signal: SignalLayout) -> str:
-    """Return what is wrong with a declared range that the bits cannot hold; "" if nothing is.
+def excess_range(signal: SignalLayout, steps: float = 0.5) -> str:
+    """Return what is wrong with a declared range that the bits miss by more than some steps; "" if nothing.
 
     A placeholder says nothing of the range, so it exceeds nothing: [0|1] of a curvature.
     """
     low, high, ends = signal.minimum, signal.maximum, _ends(signal)
-    half_lsb = abs(signal.scale) / 2
+    slack = abs(signal.scale) * steps
     if signal.is_float or low is None or high is None or _is_placeholder(signal):
         return ""
-    if low >= ends[0] - half_lsb and high <= ends[1] + half_lsb:
+    if low >= ends[0] - slack and high <= ends[1] + slack:
         return ""
     return f"range [{low:g}|{high:g}] exceeds what {signal.length} bits hold, [{ends[0]:g}|{ends[1]:g}]"
 

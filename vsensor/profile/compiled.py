@@ -70,6 +70,7 @@ class Profile:
     messages: tuple[MessagePlan, ...]
     by_id: Mapping[tuple[int, bool], MessagePlan]
     bursts: tuple[Burst, ...] = ()
+    wide_ranges: str = "refuse"
 
     def decode(self, frame: Frame, *, check: bool = False) -> dict[str, float] | None:
         """Return the quantities of a frame in SI and model signs, NaN = not available.

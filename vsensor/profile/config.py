@@ -104,7 +104,8 @@ class ProfileConfig(Config, frozen=True, kw_only=True):
 
     `node`: all messages of this sender are sent, those that are not named with their start values.
     `padding_byte` fills a CAN FD message up to a length that CAN FD has; `bitrate_switch` of CAN FD
-    messages, without a word what the DBC says, else on.
+    messages, without a word what the DBC says, else on. A declared range that the bits cannot hold is
+    refused when sending, or saturates as `wide_ranges` says.
     """
 
     messages: dict[str, MessageConfig] = msgspec.field(default_factory=dict)
@@ -115,6 +116,7 @@ class ProfileConfig(Config, frozen=True, kw_only=True):
     node: str | None = None
     padding_byte: _Byte = 0
     bitrate_switch: bool | None = None
+    wide_ranges: Literal["refuse", "saturate"] = "refuse"
     bursts: dict[str, BurstConfig] = msgspec.field(default_factory=dict)
     groups: dict[str, GroupConfig] = msgspec.field(default_factory=dict)
     tables: dict[str, dict[str, int | str]] = msgspec.field(default_factory=dict)

@@ -42,6 +42,7 @@ def compile_profile(path: Path, config: ProfileConfig, database: Database) -> Pr
         messages=plans,
         by_id={(p.layout.arbitration_id, p.layout.is_extended): p for p in plans},
         bursts=tuple(bursts),
+        wide_ranges=config.wide_ranges,
     )
 
 

@@ -10,6 +10,9 @@ from vsensor.profile import Binding, FrameKey, MessagePlan, Page, Profile
 from vsensor.transmit.rounding import WIDEST_EXACT_BITS, Rounding
 from vsensor.types import Frame, SensorMode, SignalValues
 
+# A range that ends one step behind the bits, at 2^n instead of 2^n - 1, is a habit and no mistake of layout.
+_SLACK_STEPS = 1.0 + 1e-9
+
 Places = Mapping[tuple[str, str], int]
 """(message, signal) -> place of its bits in the list of raw bits."""
 
@@ -177,10 +180,12 @@ def _require_sendable(profile: Profile, bindings: Sequence[tuple[MessagePlan, Bi
                     f"{where}: the multiplexer says which signals are in the frame and cannot carry "
                     f"{binding.quantity}; leave it out, or give a constant"
                 )
-            if excess := excess_range(signal):
+            excess = excess_range(signal, _SLACK_STEPS)
+            if excess and profile.wide_ranges == "refuse":
                 where = f"{profile.database}: {plan.layout.name}.{signal.name}"
                 raise DbcError(
-                    f"{where}: {excess}; nobody can tell what an ECU reads there: mend the database"
+                    f"{where}: {excess}; nobody can tell what an ECU reads there: mend the database, or say "
+                    'wide_ranges = "saturate" in the profile'
                 )
 
 
