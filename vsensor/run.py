@@ -55,6 +55,11 @@ def run_scenario(
         line = build_line(scenario)
         period_ns = scenario.config.cycle_ms * 1_000_000
         ticks = tick_count(scenario, line.source)
+        if line.needs_bus and options.fast and options.bus is None:
+            control = scenario.config.ego.control
+            raise ConfigError(
+                f'{scenario.name}: ego.control = "{control}": with --fast and no --bus nothing can arrive'
+            )
         if ticks is None and options.fast:
             raise ConfigError(f"{scenario.name}: the drive never ends; with --fast give --duration S")
         bus = _bus(options, line)
@@ -142,8 +147,7 @@ def _require_places(scenario: Scenario, options: RunOptions) -> None:
 def _bus(options: RunOptions, line: Line) -> FrameBus | None:
     if options.fast and options.bus is None:
         return None
-    is_fd = any(plan.layout.is_fd for plan in line.profile.messages)
-    bus = open_bus("auto" if options.bus is None else options.bus, fd=is_fd)
+    bus = open_bus("auto" if options.bus is None else options.bus, fd=line.is_fd)
     if options.fast and not bus.is_simulated:
         bus.close()
         raise BusError(f"bus {options.bus}: --fast would flood a real bus; use it with vcan or virtual only")

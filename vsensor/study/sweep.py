@@ -105,6 +105,11 @@ def run_sweep(
 def simulated_trace(scenario: Scenario) -> dict[str, NDArray[Any]]:
     """Return the trace (`sinks.trace`) of a whole run in simulated time, without bus and files."""
     line = build_line(scenario)
+    if line.needs_bus:
+        control = scenario.config.ego.control
+        raise ConfigError(
+            f'{scenario.name}: ego.control = "{control}": a sweep has no bus that it could come from'
+        )
     sink = _TraceInMemory(scenario.config.vehicle.wheelbase_m)
     run_loop(
         line,
