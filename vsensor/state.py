@@ -128,12 +128,11 @@ def advance(config: StateConfig, state: SensorState, causes: Causes, tick: Tick)
 
 
 def reported(config: StateConfig, mode: SensorMode, estimate: LaneEstimate) -> LaneEstimate:
-    """Return the estimate as this mode lets it be reported: no lines, or none of a better quality.
+    """Return the estimate as this mode lets it be reported: while degraded no line is better than configured.
 
-    A line whose numbers are not all finite is none: it cannot be available without them.
+    A line whose numbers are not all finite is none: it cannot be available without them. Whether lines
+    are reported at all is SensorMode.reports_lines.
     """
-    if not mode.reports_lines:
-        return replace(estimate, boundaries=(), lane_change=0) if estimate.boundaries else estimate
     best = config.degraded_quality if mode is SensorMode.DEGRADED else 4
     lines = estimate.boundaries
     if all(line.quality <= best and _is_finite(line) for line in lines):

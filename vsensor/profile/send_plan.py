@@ -146,7 +146,7 @@ def send_plan(
         on_write=on_write,
         active=active,
         repetitions=int(repetitions),
-        repetition_ns=_ns(gap),
+        repetition_ns=_ns(gap) if repetitions else 0,
         min_delay_ns=_ns(delay),
         findings=findings,
     )
