@@ -258,6 +258,21 @@ def test_a_frame_whose_counter_stands_brings_nothing_new(straight):
     assert bench(straight, frames).run(20).stale == ("ego.speed_mps", "ego.yaw_rate_radps")
 
 
+def test_after_more_lost_frames_than_a_receiver_tolerates_the_next_but_one_is_believed(straight):
+    gateway = Gateway()
+    frames = motion_frames(1.0, lambda t: 20.0, lambda t: 0.0, gateway=gateway)
+    few = [f for k, f in enumerate(frames) if not 10 <= k < 12]  # the counter steps by 3
+    many = [f for k, f in enumerate(frames) if not 10 <= k < 13]
+    found = []
+    for kept in (few, many):
+        source = live(straight)
+        state = source.initial_state()
+        for k, frame in enumerate(kept[:11]):
+            state, _ = source.advance(state, Tick(index=k, t_ns=frame.due_ns, period_ns=1), (frame,))
+        found.append(state.listened.quantities["ego.speed_mps"].t_ns)
+    assert found == [few[10].due_ns, many[9].due_ns]
+
+
 def test_values_that_no_vehicle_has_are_not_available(straight):
     assert bench(straight, motion_frames(1.0, lambda t: 154.0, lambda t: 0.0)).run(20).stale == (
         "ego.speed_mps",

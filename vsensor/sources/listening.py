@@ -2,8 +2,9 @@
 
     frame --profile, CRC, counter--> values --plausible?--> Heard(value, t_ns)     one for each quantity
                    |                              |
-                not ours, damaged, repeated:   not available: the value is kept, but counts as missing
-                as if it had not come
+                not ours, damaged, repeated,   not available: the value is kept, but counts as missing
+                out of sequence: as if it had
+                not come
 
 A quantity is missing before its first value, when its frames say that it is not available, and when
 none came for `timeout_ms`. All of that is a value, `Listened`, so a run restarts at any tick.
@@ -18,6 +19,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
+from vsensor.e2e import ReceiverConfig, ReceiverState, receive
 from vsensor.errors import ConfigError
 from vsensor.profile import QUANTITIES, MessagePlan, Profile
 from vsensor.schema import Config
@@ -26,6 +28,7 @@ from vsensor.types import Frame, Tick
 
 CYCLES_MISSED = 3
 TIMEOUT_WITHOUT_CYCLE_MS = 200.0
+TOLERANCES = ReceiverConfig()
 OTHER_CLOCK_NS = 10_000_000_000  # a receive time this far from the tick is of another clock
 
 LARGEST: Mapping[str, float] = MappingProxyType(
@@ -78,10 +81,10 @@ class Heard:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Listened:
-    """All that was heard: quantity -> Heard, message -> state of its counter; `now_ns`: up to when."""
+    """All that was heard: quantity -> Heard, message -> its receiver's state; `now_ns`: up to when."""
 
     quantities: Mapping[str, Heard] = field(default_factory=dict[str, Heard])
-    counters: Mapping[str, int] = field(default_factory=dict[str, int])
+    receivers: Mapping[str, ReceiverState] = field(default_factory=dict[str, ReceiverState])
     now_ns: int = 0
 
     def value(self, quantity: str, default: float) -> float:
@@ -167,7 +170,7 @@ class Listener:
         cannot be meant counts as now.
         """
         news = []
-        counters = dict(state.counters)
+        receivers = dict(state.receivers)
         quantities = dict(state.quantities)
         for frame in sorted(frames, key=lambda frame: frame.due_ns):
             for profile in self.profiles:
@@ -175,7 +178,7 @@ class Listener:
                 if told is None:
                     continue
                 plan, values = told
-                if not _is_new(plan, frame, counters):
+                if not _is_fresh(plan, frame, receivers):
                     continue
                 t_ns = frame.due_ns if abs(frame.due_ns - tick.t_ns) < OTHER_CLOCK_NS else tick.t_ns
                 t_ns = min(t_ns, tick.t_ns)
@@ -185,7 +188,7 @@ class Listener:
                 news.append(News(t_ns=t_ns, message=plan.layout.name, values=values))
         # What came up to the last slot is here; this tick is computed ahead of its own.
         now_ns = tick.t_ns - tick.period_ns
-        return Listened(quantities=quantities, counters=counters, now_ns=now_ns), tuple(news)
+        return Listened(quantities=quantities, receivers=receivers, now_ns=now_ns), tuple(news)
 
     def is_missing(self, state: Listened, quantity: str) -> bool:
         """Return whether a quantity has no value that is young enough."""
@@ -230,13 +233,11 @@ def _put(quantities: dict[str, Heard], name: str, value: float, t_ns: int) -> No
         quantities[name] = replace(quantities[name], is_lost=True)
 
 
-def _is_new(plan: MessagePlan, frame: Frame, counters: dict[str, int]) -> bool:
-    """Note the alive counter; False for a frame that repeats the last one's: nothing new is in it."""
+def _is_fresh(plan: MessagePlan, frame: Frame, receivers: dict[str, ReceiverState]) -> bool:
+    """Return whether the counter has moved on, and not too far; note it for the next frame."""
     if plan.guard is None:
         return True
-    counter = plan.guard.counter(frame.data[: plan.layout.length])
     name = plan.layout.name
-    if counter is None or counter == counters.get(name):
-        return counter is None
-    counters[name] = counter
-    return True
+    before = receivers.get(name, ReceiverState())
+    receivers[name], check = receive(TOLERANCES, before, plan.guard, frame.data[: plan.layout.length])
+    return check.status.is_fresh
