@@ -76,8 +76,12 @@ def _database_lines(database: Database) -> list[str]:
 
 
 def _check_profile(profile: Profile) -> Report:
-    findings = audit(load_database(profile.database))
+    findings = [*audit(load_database(profile.database)), *_sending_findings(profile)]
     return _report([], findings, _profile_lines(profile))
+
+
+def _sending_findings(profile: Profile) -> list[str]:
+    return [text for plan in profile.messages for text in plan.sending.findings]
 
 
 def _profile_lines(profile: Profile) -> list[str]:
@@ -146,6 +150,7 @@ def _check_scenario(scenario: Scenario, profile: str | None, dbc: Path | None) -
     line = build_line(scenario)
     uneven = line.uneven(scenario.config.cycle_ms * 1_000_000)
     findings = [*line.source.findings, *uneven, *audit(load_database(line.profile.database))]
+    findings += _sending_findings(line.profile)
     head = [f"scenario {scenario.name}: source {scenario.source}", *line.source.notes]
     return _report(head, findings, [*_model_lines(scenario, line), *_profile_lines(line.profile)])
 
