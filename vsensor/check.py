@@ -17,7 +17,7 @@ from vsensor.errors import ConfigError
 from vsensor.line import Line, build_line
 from vsensor.logs import read_log
 from vsensor.motion import MotionConfig
-from vsensor.profile import QUANTITIES, Profile, load_profile, quantisation_error_m, shipped_profiles
+from vsensor.profile import QUANTITIES, MessagePlan, Profile, load_profile, quantisation_error_m, shipped_profiles
 from vsensor.runner import STAGES, run_loop
 from vsensor.schema import read_toml, user_path
 from vsensor.sources import LOG_SUFFIXES, MAP_SUFFIXES
@@ -80,6 +80,15 @@ def _check_profile(profile: Profile) -> Report:
     return _report([], findings, _profile_lines(profile))
 
 
+def _rhythm(plan: MessagePlan) -> str:
+    """Return when a message leaves, as a person says it."""
+    sending = plan.sending
+    words = [f"every {sending.cycle_ns / 1e6:g} ms"] if sending.cycle_ns or not sending.is_event else []
+    words += ["at every image"] * sending.on_write + ["on change"] * sending.on_change
+    words += [f"every {sending.fast_cycle_ns / 1e6:g} ms while active"] if sending.active else []
+    return " and ".join(words)
+
+
 def _sending_findings(profile: Profile) -> list[str]:
     return [text for plan in profile.messages for text in plan.sending.findings]
 
@@ -92,7 +101,7 @@ def _profile_lines(profile: Profile) -> list[str]:
         layout, cycle_ms = plan.layout, plan.cycle_ns / 1e6
         frames_per_s += 1e3 / cycle_ms if cycle_ms else 0.0
         lines.append(
-            f"  0x{layout.arbitration_id:03X} {layout.name:<24} {layout.length} bytes every {cycle_ms:g} ms"
+            f"  0x{layout.arbitration_id:03X} {layout.name:<24} {layout.length} bytes {_rhythm(plan)}"
             f", {len(plan.bindings)} quantities{guard}"
         )
     errors = quantisation_error_m(profile)

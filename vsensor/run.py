@@ -121,7 +121,9 @@ def with_profile(scenario: Scenario, options: RunOptions) -> Scenario:
 
 def _rhythm(line: Line) -> str:
     """Return how often messages leave, as a person says it."""
-    cycles = sorted({plan.cycle_ns // 1_000_000 for plan in line.profile.messages})
+    cycles = sorted({plan.cycle_ns // 1_000_000 for plan in line.profile.messages if plan.cycle_ns})
+    if not cycles:
+        return "on events"
     return f"every {cycles[0]} ms" if len(cycles) == 1 else f"every {cycles[0]} to {cycles[-1]} ms"
 
 
