@@ -163,4 +163,4 @@ def _require_apart(layout: Layout, bindings: Sequence[Binding], where: str) -> N
 def _may_share(binding: Binding, other: Binding) -> bool:
     if binding.wrap or binding.signal.mux_signal is not None:
         return True
-    return binding.raw_of_code is not None and other.raw_of_code is not None
+    return binding.raw_of_code is not None or other.raw_of_code is not None
