@@ -103,6 +103,14 @@ def test_a_flat_bend_of_the_smallest_radius_hides_nothing_though_it_comes_round_
     assert not hidden_by_surface(EYE, points, ring).any()
 
 
+@pytest.mark.parametrize(("aside_m", "is_hidden"), [(2.9, True), (3.1, False)])
+def test_a_hill_beside_the_road_hides_nothing_unless_its_verge_is_in_the_way(aside_m, is_hidden):
+    hill = np.array([[(40.0, aside_m, 9.0), (40.0, aside_m + 6.0, 9.0)]])
+    points = np.array([(80.0, 0.0, 0.0)])
+    assert hidden_by_surface(EYE, points, hill) == [is_hidden]
+    assert hidden_by_surface(EYE, points, hill[:, ::-1]) == [is_hidden]
+
+
 def test_the_answer_is_the_same_far_out_turned_and_on_a_slope():
     def height(x):
         return -x * x / 2000.0

@@ -2,7 +2,7 @@
 
 from functools import cache
 
-from tests.hard_cases import attitudes, edges, far_out, fits, mesh_edges, times
+from tests.hard_cases import attitudes, crests, edges, far_out, fits, mesh_edges, times
 from tests.hard_cases.exact import Row
 
 PARTS = {
@@ -10,6 +10,7 @@ PARTS = {
     "attitudes": attitudes,
     "edges": edges,
     "mesh_edges": mesh_edges,
+    "crests": crests,
     "fits": fits,
     "times": times,
 }
