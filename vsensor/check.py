@@ -17,7 +17,14 @@ from vsensor.errors import ConfigError
 from vsensor.line import Line, build_line
 from vsensor.logs import read_log
 from vsensor.motion import MotionConfig
-from vsensor.profile import QUANTITIES, MessagePlan, Profile, load_profile, quantisation_error_m, shipped_profiles
+from vsensor.profile import (
+    QUANTITIES,
+    MessagePlan,
+    Profile,
+    load_profile,
+    quantisation_error_m,
+    shipped_profiles,
+)
 from vsensor.runner import STAGES, run_loop
 from vsensor.schema import read_toml, user_path
 from vsensor.sources import LOG_SUFFIXES, MAP_SUFFIXES

@@ -2,6 +2,7 @@
 
 import pytest
 
+from vsensor.check import check_file
 from vsensor.errors import ConfigError
 from vsensor.profile import load_profile
 from vsensor.profile.send_plan import Trigger, trigger_of
@@ -216,3 +217,12 @@ def test_what_does_not_fit_together_is_one_line_that_names_it(tmp_path, keys, to
         plan_of(tmp_path, keys=keys, top=top)
     assert "own.toml" in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_check_says_how_messages_leave_and_what_it_did_not_understand(tmp_path):
+    plan_of(tmp_path, message("GenMsgSendType", 5), 'send = { active = "State != 0", fast_cycle_ms = 10 }')
+    report = check_file(str(tmp_path / "own.toml"))
+    assert any(
+        "bytes every 100 ms and every 10 ms while active, 3 quantities" in line for line in report.lines
+    )
+    assert "M: send type 'Odd' is not known and counts as cyclic" in report.findings

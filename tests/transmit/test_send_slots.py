@@ -128,6 +128,19 @@ def test_all_frames_until_the_next_image_carry_the_same_values(transmitter):
     assert [read(f)["left.offset_m"] for f in frames if f.arbitration_id in (1, 2)] == [1.8, 1.8, 2.5, 2.5]
 
 
+def test_a_change_that_waits_for_the_minimum_delay_is_sent_though_it_was_taken_back(tmp_path):
+    (tmp_path / "own.dbc").write_text(DATABASE)
+    alone = """schema = "vsensor.profile/1"
+    database = "own.dbc"
+    messages.Late.send = { type = "on_change", min_delay_ms = 100 }
+    messages.Late.signals = { LateOff = "left.offset_m" }
+    """
+    (tmp_path / "own.toml").write_text(alone)
+    alone = Transmitter(load_profile(tmp_path / "own.toml"), VEHICLE)
+    _, frames = sent(alone, [values(k, 2.5 if k == 1 else 1.8) for k in range(5)])
+    assert when(frames, 2) == [0, 100]
+
+
 def test_saturation_counts_images_not_slots(transmitter):
     state, _ = sent(transmitter, [values(0, 1000.0), values(1, 1000.0)])
     assert state.saturated == {"Off": 2, "LateOff": 2}
