@@ -49,7 +49,7 @@ def moments(name, every_s):
 
 
 def depths(points, markings):
-    """Return how deep below the triangulated road each sight line passes at the most, NaN where it leaves it."""
+    """Return how deep below the triangulated road each sight line passes at most, NaN where it leaves it."""
     mesh = Delaunay(markings[:, :2])
     corners = markings[mesh.simplices][..., :2]
     is_road = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1) < LONGEST_M
