@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tests.transmit.event_simulation import Message, send_times
 from vsensor.profile.sending import Condition, SendPlan
-from vsensor.transmit import Happening, MessageState, slot_period_ns, step
+from vsensor.transmit import Happening, MessageState, common_ns, slot_period_ns, step
 from vsensor.types import Tick
 
 MS = 1_000_000
@@ -34,7 +34,7 @@ def plan_of(message):
 def ours(message, images, slots=None):
     """Return the ms at which frames leave, slot by slot; `slots` given: only those are not dropped."""
     plan = plan_of(message)
-    slot_ns = slot_period_ns((SimpleNamespace(sending=plan),), IMAGE_MS * MS)
+    slot_ns = slot_period_ns(common_ns([SimpleNamespace(sending=plan)]), IMAGE_MS * MS)
     state, sent = MessageState(), []
     for index in range(len(images) * IMAGE_MS * MS // slot_ns):
         image = index * slot_ns // (IMAGE_MS * MS)
@@ -124,9 +124,9 @@ def test_a_change_in_a_dropped_slot_is_sent_in_the_next_one():
 )
 def test_the_slot_divides_the_image_and_all_cycles(cycles_ms, image_ms, expected_ms):
     plans = tuple(SimpleNamespace(sending=SendPlan(cycle_ns=cycle * MS)) for cycle in cycles_ms)
-    assert slot_period_ns(plans, image_ms * MS) == expected_ms * MS
+    assert slot_period_ns(common_ns(plans), image_ms * MS) == expected_ms * MS
 
 
 def test_times_that_only_slots_below_a_millisecond_would_meet_leave_the_slot_at_the_image():
     plans = (SimpleNamespace(sending=SendPlan(cycle_ns=33_333_333)),)
-    assert slot_period_ns(plans, 40 * MS) == 40 * MS
+    assert slot_period_ns(common_ns(plans), 40 * MS) == 40 * MS

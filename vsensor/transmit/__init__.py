@@ -6,7 +6,7 @@ Other messages are sent when they change, or while they are active: see schedule
 """
 
 from vsensor.transmit.encode import Encoder
-from vsensor.transmit.schedule import Happening, MessageState, is_due, slot_period_ns, step
+from vsensor.transmit.schedule import Happening, MessageState, common_ns, is_due, slot_period_ns, step
 from vsensor.transmit.stage import TransmitState, Transmitter, initial_state, transmit, transmit_image
 
 __all__ = [
@@ -15,6 +15,7 @@ __all__ = [
     "MessageState",
     "TransmitState",
     "Transmitter",
+    "common_ns",
     "initial_state",
     "is_due",
     "slot_period_ns",

@@ -3,6 +3,7 @@
 A slot stands for the time since the slot before it: what is due in between leaves at the slot.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import gcd
 
@@ -13,19 +14,28 @@ from vsensor.types import Tick
 FINEST_SLOT_NS = 1_000_000
 
 
-def slot_period_ns(plans: tuple[MessagePlan, ...], image_period_ns: int) -> int:
-    """Return the time between send slots: it divides the image's period and all times of the messages.
+def common_ns(plans: Iterable[MessagePlan]) -> int:
+    """Return the greatest time that divides all times of the messages, 0 if they have none."""
+    return gcd(*(time for plan in plans for time in plan.sending.times_ns))
+
+
+def slot_period_ns(message_ns: int, image_period_ns: int) -> int:
+    """Return the time between send slots: it divides the image's period and `message_ns` (see common_ns).
 
     The image's period where that would be finer than 1 ms: then what does not fit leaves in the next slot.
     """
-    period_ns = gcd(image_period_ns, *(time for plan in plans for time in plan.sending.times_ns))
+    period_ns = gcd(image_period_ns, message_ns)
     return period_ns if period_ns >= FINEST_SLOT_NS else image_period_ns
 
 
 def is_due(plan: MessagePlan, slot: Tick) -> bool:
     """Return whether a cyclic message has a send time within (slot before, this slot], from t = 0."""
-    sending = plan.sending
-    return _on_grid(slot.index * slot.period_ns - sending.offset_ns, slot.period_ns, sending.cycle_ns)
+    return due_in(slot, plan.sending.offset_ns, plan.sending.cycle_ns)
+
+
+def due_in(slot: Tick, offset_ns: int, cycle_ns: int) -> bool:
+    """Return whether offset + n * cycle lies within (slot before, this slot] for a whole n of 0 or more."""
+    return _on_grid(slot.index * slot.period_ns - offset_ns, slot.period_ns, cycle_ns)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

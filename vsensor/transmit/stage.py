@@ -8,7 +8,7 @@ from vsensor.codec import pack, to_physical, unpack
 from vsensor.profile import MessagePlan, Profile
 from vsensor.signals import VehicleConfig, to_bus
 from vsensor.transmit.encode import Encoder
-from vsensor.transmit.schedule import Happening, MessageState, is_due, slot_period_ns, step
+from vsensor.transmit.schedule import Happening, MessageState, common_ns, due_in, slot_period_ns, step
 from vsensor.types import Frame, SignalValues, Tick
 
 
@@ -28,7 +28,8 @@ class TransmitState:
 class Transmitter:
     """A profile compiled for sending; immutable. Raises ConfigError for what cannot be sent.
 
-    `cyclic` are the places in the profile of the messages that time alone sends, `eventful` the others.
+    `cyclic` are the places in the profile of the messages that time alone sends, by their offset and cycle;
+    `eventful` the others.
     """
 
     def __init__(self, profile: Profile, vehicle: VehicleConfig, camera_x_m: float | None = None) -> None:
@@ -36,7 +37,8 @@ class Transmitter:
         to_bus(profile.geometry, vehicle, _nothing(profile), camera_x_m)  # a missing camera is told here
         self.encoder = Encoder(profile)
         places = range(len(profile.messages))
-        self.cyclic = tuple(k for k in places if profile.messages[k].sending.is_cyclic)
+        self._common_ns = common_ns(profile.messages)
+        self.cyclic = _by_time(profile)
         self.eventful = tuple(k for k in places if not profile.messages[k].sending.is_cyclic)
         self.masks = tuple(_watch_mask(profile.messages[k]) for k in self.eventful)
 
@@ -46,7 +48,7 @@ class Transmitter:
 
     def slot_period_ns(self, image_period_ns: int) -> int:
         """Return the time between send slots where images are taken every `image_period_ns`."""
-        return slot_period_ns(self.profile.messages, image_period_ns)
+        return slot_period_ns(self._common_ns, image_period_ns)
 
 
 def initial_state(transmitter: Transmitter) -> TransmitState:
@@ -121,12 +123,15 @@ class _Image:
 def _send(
     transmitter: Transmitter, state: TransmitState, image: _Image, slot: Tick
 ) -> tuple[TransmitState, tuple[Frame, ...]]:
-    plans = transmitter.profile.messages
-    due = [k for k in transmitter.cyclic if is_due(plans[k], slot)]
+    due: list[int] = []
+    for (offset_ns, cycle_ns), places in transmitter.cyclic.items():
+        if due_in(slot, offset_ns, cycle_ns):
+            due += places
     messages = state.messages
     if transmitter.eventful:
         messages, more = _step_all(transmitter, messages, image, slot)
-        due = sorted([*due, *more])
+        due += more
+    due.sort()
     if not due:
         return (state if messages == state.messages else replace(state, messages=messages)), ()
     frames, counters = transmitter.encoder.frames(due, image.raws(), state.counters, slot.t_ns)
@@ -137,6 +142,16 @@ def _send(
         messages=messages,
     )
     return after, tuple(frames)
+
+
+def _by_time(profile: Profile) -> Mapping[tuple[int, int], tuple[int, ...]]:
+    """Return the places of the messages that time alone sends, by offset and cycle."""
+    places: dict[tuple[int, int], tuple[int, ...]] = {}
+    for place, plan in enumerate(profile.messages):
+        if plan.sending.is_cyclic:
+            time = plan.sending.offset_ns, plan.sending.cycle_ns
+            places[time] = (*places.get(time, ()), place)
+    return places
 
 
 def _step_all(
