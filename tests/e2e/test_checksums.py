@@ -108,6 +108,8 @@ def test_skipped_bytes_do_not_count(payload):
     changed = bytearray(message)
     changed[7] ^= 0xFF
     assert guarding.check(bytes(changed))
+    summed = protected(guard("sum8", length=8, checksum=Field(0, 8), skip=(2, 7)), payload, 0)
+    assert summed[0] == (sum(payload[1:2]) + sum(payload[3:7])) % 256
 
 
 @given(payload=st.binary(min_size=8, max_size=8), start=st.integers(0, 255), final=st.integers(0, 255))

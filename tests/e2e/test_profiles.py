@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vsensor.e2e import guard
+from vsensor.e2e import Field, guard
 from vsensor.e2e.crc import CRC16_CCITT, CRC32_P4, CRC64_XZ
 from vsensor.errors import ConfigError
 
@@ -105,6 +105,49 @@ def test_a_wrong_length_or_id_in_the_header_is_refused_though_the_crc_is_right(n
     data[first : first + size] = crc(bytes(data[:first] + data[first + size :]) + after).to_bytes(size, "big")
     assert not right.check(bytes(data))
     assert not right.check_bulk(np.frombuffer(bytes(data), dtype=np.uint8)[None]).any()
+
+
+@pytest.mark.parametrize("name", ["P01", "P11"])
+def test_another_nibble_of_the_data_id_is_refused_though_the_crc_is_right(name):
+    data = bytearray(8)
+    guard(name, length=8, data_id=0x223, data_id_mode="nibble").protect(data, 4)
+    other = guard(name, length=8, data_id=0x123, data_id_mode="nibble")
+    assert data[1] == 0x24
+    assert not other.check(bytes(data))
+    assert not other.check_bulk(np.frombuffer(bytes(data), dtype=np.uint8)[None]).any()
+
+
+@pytest.mark.parametrize(
+    ("name", "checksum", "counter", "said"),
+    [
+        ("P01", Field(16, 8), Field(28, 4), "counter has 4 bits at 28, e2e P01 puts 4 bits at 24"),
+        ("P01", Field(20, 8), Field(24, 4), "checksum has 8 bits at 20, e2e P01 puts 8 bits at 16"),
+        ("P05", Field(8, 16, True), None, "e2e P05 puts 16 bits at 0, little-endian"),
+        ("P06", Field(0, 16), None, "e2e P06 puts 16 bits at 8, big-endian"),
+        ("P06", None, Field(32, 4), "counter has 4 bits at 32, e2e P06 puts 8 bits at 32"),
+    ],
+)
+def test_signals_must_lie_where_the_profile_puts_them(name, checksum, counter, said):
+    with pytest.raises(ConfigError, match=said):
+        guard(name, length=16, data_id=1, checksum=checksum, counter=counter)
+
+
+@pytest.mark.parametrize(
+    ("name", "length", "checksum", "counter", "offset"),
+    [
+        ("P01", 8, Field(24, 8, True), Field(32, 4, True), 3),
+        ("P04", 24, Field(8 * 15, 32, True), Field(8 * 7, 16, True), 4),
+        ("P05", 16, Field(16, 16), Field(32, 8), 2),
+        ("P07", 32, Field(8 * 9, 64, True), Field(8 * 17, 32, True), 2),
+    ],
+)
+def test_the_header_lies_where_the_checksums_signal_says(name, length, checksum, counter, offset):
+    found = guard(name, length=length, data_id=1, checksum=checksum, counter=counter)
+    said = guard(name, length=length, data_id=1, offset=offset)
+    data, same = bytearray(length), bytearray(length)
+    found.protect(data, 9)
+    said.protect(same, 9)
+    assert data == same
 
 
 @pytest.mark.parametrize(
