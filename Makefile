@@ -8,6 +8,7 @@ VENV_DEPENDS = pyproject.toml constraints.txt
 VCAN_PACKAGES = user-mode-linux kmod iproute2 can-utils
 C_PACKAGES = gcc libc6-dev
 BROWSER_PACKAGES = chromium
+PEER_PACKAGES = libusb-1.0-0 libgl1 libegl1 libx11-6 libidn2-0
 DURATION ?= 15
 
 .PHONY: help run vcan install test lint bench clean
@@ -17,7 +18,7 @@ help:
 	@echo "make install  install everything: all extras, Debian packages for vcan, C and browser"
 	@echo "make test     run all tests, those of the bus on a real vcan"
 	@echo "make lint     style, format, types"
-	@echo "make bench    measure"
+	@echo "make bench    measure, open3d beside it"
 	@echo "make clean    remove .venv and what was made"
 
 run: .venv/core
@@ -39,7 +40,8 @@ lint: .venv/lint
 	.venv/bin/ruff format --check .
 	.venv/bin/mypy --strict vsensor
 
-bench: .venv/test
+bench: .venv/bench
+	@tools/debian $(PEER_PACKAGES)
 	.venv/bin/python -m tools.bench
 
 clean:
@@ -53,6 +55,10 @@ clean:
 .venv/test: $(VENV_DEPENDS)
 	@tools/venv $@ "[test]"
 	@touch .venv/core
+
+.venv/bench: $(VENV_DEPENDS)
+	@tools/venv $@ "[test,peers]"
+	@touch .venv/core .venv/test
 
 .venv/lint: $(VENV_DEPENDS)
 	@tools/venv $@ "[dev]"

@@ -1,6 +1,6 @@
-"""Write constraints.txt: what is installed of vsensor[dev] and of all that it requires.
+"""Write constraints.txt: what is installed of vsensor[dev,peers] and of all that it requires.
 
-Run it after `pip install -U -e '.[dev]'` in a fresh environment, then run all tests.
+Run it after `pip install -U -e '.[dev,peers]'` in a fresh environment, then run all tests.
 """
 
 import re
@@ -28,7 +28,7 @@ def pinned(name: str, extras: frozenset[str], found: dict[tuple[str, frozenset[s
 
 def main() -> None:
     found: dict[tuple[str, frozenset[str]], str] = {}
-    pinned("vsensor", frozenset({"dev"}), found)
+    pinned("vsensor", frozenset({"dev", "peers"}), found)
     lines = {f"{name}=={version}\n" for (name, _), version in found.items() if name != "vsensor"}
     Path("constraints.txt").write_text(HEAD + "".join(sorted(lines)))
 

@@ -1,4 +1,4 @@
-"""Occlusion alone, from obstacles to answer: ours, P1's algorithm, trimesh, and open3d where installed."""
+"""Occlusion alone, from obstacles to answer: ours, P1's algorithm, trimesh, open3d (extra `peers`)."""
 
 from collections.abc import Callable
 
