@@ -1,13 +1,16 @@
 """Multiplexed messages and whole nodes: what is sent, in which order, and read back."""
 
 import dataclasses
+import math
 
 import pytest
 
+from tests.bus_values import boundary, estimate
 from tests.made_profiles import Sender, nothing, profile_of, raws, reference, sent, values, written
 from tests.test_profile import assert_bulk_equals_single
 from vsensor.errors import ConfigError
 from vsensor.profile import load_profile
+from vsensor.types import Side
 
 LINES = (
     'BO_ 8 M: 8 CAM\n SG_ Which M : 0|4@1+ (1,0) [0|15] "" ECU\n SG_ Cnt : 4|4@1+ (1,0) [0|15] "" ECU\n'
@@ -187,6 +190,19 @@ def test_cantools_reads_a_frame_of_every_page_to_the_same(tmp_path):
         message = reference(profile).get_message_by_frame_id(frame.arbitration_id)
         read = message.decode(frame.data, scaling=False, decode_choices=False)
         assert bytes(message.encode(read, scaling=False, strict=False)) == frame.data
+
+
+def test_a_validity_bit_says_nothing_of_a_page_that_it_is_not_in(tmp_path):
+    dbc = LINES + ' SG_ ROk m5 : 32|1@1+ (1,0) [0|1] "" ECU\n'
+    text = PAGES.format(mux="together")
+    text += 'ROk = { valid_of = ["left", "right"], valid_raw = 0, invalid_raw = 1 }\n'
+    profile = profile_of(tmp_path, dbc, text)
+    frames = sent(profile, values(estimate(boundary(Side.LEFT, [1.8]))))
+    assert raws(profile, frames)[1]["ROk"] == 1
+    told = [profile.decode(frame) for frame in frames]
+    assert told[0]["left.offset_m"] == pytest.approx(1.8)
+    assert math.isnan(told[1]["right.offset_m"])
+    assert_bulk_equals_single(profile, list(frames))
 
 
 def test_a_page_that_is_not_mapped_is_not_sent(tmp_path):
