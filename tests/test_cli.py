@@ -112,7 +112,9 @@ def test_a_trace_can_be_scored(capsys, tmp_path, suffix):
     assert status == 0
     assert re.search(r"\bleft\b", out)
     assert re.search(r"\b20\b.*m", out)
-    assert re.search(r"left +seen, but not sent yet +5\b", out)  # the sensor starts in 0.2 s
+    assert re.search(
+        r"left +seen, but not sent yet +3\b", out
+    )  # starts in 0.2 s, a line takes two more images
 
 
 def test_a_picture_is_drawn(capsys, tmp_path):

@@ -14,6 +14,10 @@ from vsensor.types import SensorMode, Side, Tick
 PERIOD_NS = 40_000_000
 
 
+AT_ONCE = {"state": {"init_s": 0.0}, "tracker": {"confirm_images": 1}}
+"""Lines are sent from the first image on."""
+
+
 class Recorder:
     """A sink that keeps everything."""
 
@@ -127,7 +131,7 @@ def test_a_slot_that_is_less_than_half_a_period_late_is_still_sent():
 
 
 def test_a_sensor_that_lacks_an_input_still_sees_its_lines_but_is_degraded():
-    line = build_line(load_scenario("highway", {"state": {"init_s": 0.0}}))
+    line = build_line(load_scenario("highway", AT_ONCE))
     state = line.initial_state()
     snapshot = line.compute(state, tick(0)).output.snapshot
 
@@ -142,7 +146,7 @@ def test_a_sensor_that_lacks_an_input_still_sees_its_lines_but_is_degraded():
 
 
 def test_an_ego_state_that_is_not_finite_means_no_lines_and_a_degraded_sensor():
-    line = build_line(load_scenario("highway", {"state": {"init_s": 0.0}}))
+    line = build_line(load_scenario("highway", AT_ONCE))
     state = line.initial_state()
     computed = line.compute(state, tick(0))
     assert computed.output.estimate.on(Side.LEFT) is not None

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.lines import line_points
-from vsensor.quality import QualityConfig, boundaries, rate
-from vsensor.types import Colour, Detections, Environment, Fit, Light, MarkingKind, Side, frozen
+from vsensor.quality import QualityConfig, rate, sightings
+from vsensor.types import Colour, Detections, Environment, Fit, Light, MarkingKind, frozen
 
 CONFIG = QualityConfig()
 X_M = np.arange(4.0, 80.05, 0.1)
@@ -129,7 +129,7 @@ def test_a_line_that_exists_has_at_least_quality_1():
     assert quality(x_m=np.array([3.0]), environment=environment, **worst) == 1
 
 
-# --- boundaries -------------------------------------------------------------------------------------
+# --- sightings --------------------------------------------------------------------------------------
 
 
 def detections():
@@ -145,25 +145,15 @@ def detections():
     )
 
 
-def test_a_boundary_joins_the_side_the_polynomial_the_quality_and_the_paint():
+def test_a_sighting_joins_the_polynomial_the_quality_and_the_paint():
     fits = (line(), None, line(x_max_m=6.9, points=30, c0=-1.75))
-    left, right = boundaries(CONFIG, {Side.RIGHT: 2, Side.LEFT: 0}, fits, detections(), Environment())
-    assert (left.side, left.quality, left.kind, left.colour) == (
-        Side.LEFT,
-        4,
-        MarkingKind.SOLID,
-        Colour.WHITE,
-    )
-    assert (left.width_m, left.marking, left.points, left.measured) == (0.15, 5, 0, True)
-    assert (right.side, right.quality, right.kind, right.colour) == (
-        Side.RIGHT,
-        1,
-        MarkingKind.DASHED,
-        Colour.YELLOW,
-    )
-    assert (right.x_min_m, right.x_max_m, right.width_m, right.marking) == (4.0, 6.9, 0.12, 8)
-    assert right.coefficients is fits[2].coefficients
-    assert right.covariance is fits[2].covariance
+    left, nothing, right = sightings(CONFIG, fits, detections(), Environment(), (15, 16, 18))
+    assert nothing is None
+    assert (left.quality, left.kind, left.colour) == (4, MarkingKind.SOLID, Colour.WHITE)
+    assert (left.width_m, left.marking, left.marking_id) == (0.15, 5, 15)
+    assert (right.quality, right.kind, right.colour) == (1, MarkingKind.DASHED, Colour.YELLOW)
+    assert (right.width_m, right.marking, right.marking_id) == (0.12, 8, 18)
+    assert (left.fit, right.fit) == (fits[0], fits[2])
 
 
 def test_points_beyond_the_end_of_a_fit_do_not_count_as_a_gap():
@@ -174,10 +164,5 @@ def test_points_beyond_the_end_of_a_fit_do_not_count_as_a_gap():
         kind=np.array([1]),
         colour=np.array([1]),
     )
-    (left,) = boundaries(CONFIG, {Side.LEFT: 0}, (line(x_max_m=59.9),), seen, Environment())
+    (left,) = sightings(CONFIG, (line(x_max_m=59.9),), seen, Environment(), (0,))
     assert left.quality == 4
-
-
-def test_a_side_without_a_line_has_no_boundary():
-    assert boundaries(CONFIG, {}, (line(), None, None), detections(), Environment()) == ()
-    assert boundaries(CONFIG, {Side.LEFT: 1}, (line(), None, None), detections(), Environment()) == ()

@@ -64,6 +64,20 @@ def test_availability_is_the_share_of_true_lines_that_were_reported(tmp_path):
     assert side.unseen == {Unseen.OCCLUDED: 5}
 
 
+def test_availability_is_that_of_measured_lines_plus_that_of_predicted_ones(tmp_path):
+    unseen = left(unseen=lambda p: p[:, 0] > -99)
+    outputs = [output_of([unseen if t < 2 else left(measured=t >= 5)], tick=t) for t in range(20)]
+    score = scored(tmp_path, outputs)
+    side = score.sides[0]
+    assert (side.availability, side.measured, side.predicted) == pytest.approx((0.9, 0.75, 0.15))
+    (row,) = [
+        line.split()
+        for line in score.text().splitlines()
+        if line.startswith("left") and len(line.split()) == 9
+    ]
+    assert row[5:8] == ["90.00", "75.00", "15.00"]
+
+
 def test_a_report_without_a_true_line_is_false_and_does_not_count_as_available(tmp_path):
     boundary = output_of([left()]).estimate.boundaries[0]
     ghost = replace(boundary, marking=-1, points=-1, measured=False)

@@ -11,6 +11,7 @@ from vsensor.region import RegionConfig
 from vsensor.scene import SceneConfig
 from vsensor.sensor import Sensor, SensorConfig, initial_state, sense
 from vsensor.sinks.trace import TraceSink, read_trace
+from vsensor.tracker import TrackerConfig
 from vsensor.types import SIDE_NAMES, EgoState, MarkingKind, Output, Scene, Side, Snapshot, Tick
 from vsensor.world.corridor import Corridor
 from vsensor.world.opendrive import load_map
@@ -23,6 +24,7 @@ CONFIG = SensorConfig(
     error_model=ErrorModelConfig(mode="none"),
     region=RegionConfig(enabled=False),
     scene=SceneConfig(range_m=101.0, lateral_m=10.0),
+    tracker=TrackerConfig(confirm_images=1),
 )
 ROUNDING_M = 1e-9  # float64 of a fit over 100 m
 

@@ -14,9 +14,10 @@ The quality is the lowest that any of these gives (defaults of the config; 1 bel
     light                                                dusk or day (3 at night)
 
 So more range, more points, smaller gaps, a better fit, less rain or more light never lower it.
+That of a line which is predicted falls from there to 0; see `vsensor.tracker.reports`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from typing import Annotated
 
 import msgspec
@@ -24,14 +25,13 @@ import msgspec
 from vsensor.schema import Config
 from vsensor.types import (
     Array,
-    Boundary,
     Colour,
     Detections,
     Environment,
     Fit,
     Light,
     MarkingKind,
-    Side,
+    Sighting,
 )
 
 Limits = tuple[float, float, float]
@@ -83,37 +83,40 @@ def _at_most(limits: Limits, value: float) -> int:
     return 1 + (value <= fair) + (value <= good) + (value <= high)
 
 
-def boundaries(
+def sightings(
     config: QualityConfig,
-    sides: Mapping[Side, int],
     fits: tuple[Fit | None, ...],
     detections: Detections,
     environment: Environment,
-) -> tuple[Boundary, ...]:
-    """Join side, polynomial, quality and paint of every line that has a side, in the order of Side."""
-    found = [(side, k, fits[k]) for side, k in sorted(sides.items())]
+    marking_ids: Sequence[int],
+) -> tuple[Sighting | None, ...]:
+    """Join polynomial, quality and paint of every line; None where there is no polynomial.
+
+    `marking_ids` (K,) is the id of each line's marking.
+    """
     return tuple(
-        _boundary(config, side, k, fit, detections, environment) for side, k, fit in found if fit is not None
+        None if fit is None else _sighting(config, k, fit, detections, environment, marking_ids[k])
+        for k, fit in enumerate(fits)
     )
 
 
-def _boundary(
-    config: QualityConfig, side: Side, k: int, fit: Fit, detections: Detections, environment: Environment
-) -> Boundary:
+def _sighting(
+    config: QualityConfig,
+    k: int,
+    fit: Fit,
+    detections: Detections,
+    environment: Environment,
+    marking_id: int,
+) -> Sighting:
     lines = detections.lines
     x_m = lines.points_ego_m[int(lines.starts[k]) : int(lines.starts[k + 1]), 0]
     x_m = x_m[: int(x_m.searchsorted(fit.x_max_m, "right"))]
-    return Boundary(
-        side=side,
-        coefficients=fit.coefficients,
-        covariance=fit.covariance,
-        x_min_m=fit.x_min_m,
-        x_max_m=fit.x_max_m,
+    return Sighting(
+        fit=fit,
         quality=rate(config, fit, x_m, environment),
         kind=MarkingKind(int(detections.kind[k])),
         colour=Colour(int(detections.colour[k])),
         width_m=float(detections.width_m[k]),
-        measured=True,
         marking=int(lines.marking[k]),
-        points=k,
+        marking_id=marking_id,
     )

@@ -8,7 +8,8 @@ report; see `vsensor.sinks.trace`):
   predicted reports alike. mean, std (population), and the 95 % quantile of its absolute value.
 - *lane offset error*: reported minus true lane offset (inner edge, front axle), left and right only.
 - *range*: x_max of the reports: mean, 5 % and 95 % quantile.
-- *availability*: share of the rows with a true line in which a line was reported.
+- *availability*: share of the rows with a true line in which a line was reported; of these *predicted*
+  are those that were not seen in that image.
 - *false reports*: reports on a side without any true line.
 
 Quantiles interpolate linearly between the ordered values; NaN where there is nothing to count.
@@ -26,6 +27,11 @@ from vsensor.types import SIDE_NAMES, Side, Unseen
 
 SCORED_RANGES_M = (10, 20, 50, 80)
 """Where the lateral error is given, x in the ego frame."""
+
+_RANGE_HEADER = (
+    *("side", "range m", "5 %", "95 %", "true lines"),
+    *("available %", "measured %", "predicted %", "false reports"),
+)
 
 Trace = Mapping[str, NDArray[Any]]
 
@@ -63,6 +69,7 @@ class SideScore:
     name: str
     true_rows: int
     reported_true_rows: int
+    predicted_true_rows: int
     false_reports: int
     error: Mapping[int, ErrorStats]
     lane_offset: ErrorStats
@@ -75,6 +82,16 @@ class SideScore:
     def availability(self) -> float:
         """Share of the rows with a true line that have a report, 0..1, NaN without any."""
         return self.reported_true_rows / self.true_rows if self.true_rows else math.nan
+
+    @property
+    def predicted(self) -> float:
+        """Share of the rows with a true line that have a predicted report, 0..1, NaN without any."""
+        return self.predicted_true_rows / self.true_rows if self.true_rows else math.nan
+
+    @property
+    def measured(self) -> float:
+        """Share of the rows with a true line that have a measured report, 0..1, NaN without any."""
+        return self.availability - self.predicted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,6 +133,7 @@ def _score(name: str, trace: Trace) -> SideScore:
         name=name,
         true_rows=int(is_true.sum()),
         reported_true_rows=int((is_true & is_reported).sum()),
+        predicted_true_rows=int((is_true & is_reported & (trace["measured"] == 0)).sum()),
         false_reports=int((is_reported & ~is_true).sum()),
         error={x: ErrorStats.of(trace[f"y_{x}m"] - trace[f"truth_y_{x}m"]) for x in SCORED_RANGES_M},
         lane_offset=ErrorStats.of(trace["lane_offset_m"] - trace["truth_lane_offset_m"]),
@@ -137,7 +155,7 @@ def score_lines(score: Score) -> list[str]:
             side.name,
             *(_shown(v, ".1f") for v in (side.range_mean_m, side.range_5_m, side.range_95_m)),
             str(side.true_rows),
-            _shown(100 * side.availability, ".2f"),
+            *(_shown(100 * v, ".2f") for v in (side.availability, side.measured, side.predicted)),
             str(side.false_reports),
         )
         for side in everyone
@@ -149,7 +167,7 @@ def score_lines(score: Score) -> list[str]:
         f"{score.ticks} ticks; lateral error in m, reported minus true, positive = too far left",
         *_aligned(("side", "at", "n", "mean", "std", "95 % of |e|"), errors),
         "",
-        *_aligned(("side", "range m", "5 %", "95 %", "true lines", "available %", "false reports"), ranges),
+        *_aligned(_RANGE_HEADER, ranges),
         *(["", *_aligned(("side", "not reported because", "n"), reasons)] if reasons else []),
     ]
 

@@ -18,8 +18,18 @@ from vsensor.quality import QualityConfig
 from vsensor.region import RegionConfig, limit
 from vsensor.scene import SceneConfig
 from vsensor.schema import Config
-from vsensor.tracker import TrackerConfig, TrackerState
-from vsensor.types import Detections, EgoState, LaneEstimate, Observation, Scene, Snapshot, Tick, frozen
+from vsensor.tracker import Assignment, TrackerConfig, TrackerState
+from vsensor.types import (
+    Boundary,
+    Detections,
+    EgoState,
+    LaneEstimate,
+    Observation,
+    Scene,
+    Snapshot,
+    Tick,
+    frozen,
+)
 
 Lap = Callable[[str], None]
 """Called with a stage's name when the stage has ended; the runner measures, the sensor knows no clock."""
@@ -121,17 +131,30 @@ def sense(
     detections = replace(detections, lines=lines)
     lap("region+error")
     fits = lanefit.fit_lines(config.fit, lines, detections.sigma_y_m)
-    tracks, assignment = tracker.assign(config.tracker, state.tracks, fits, ego, tick)
+    marking_ids = [scene.markings[place].id for place in lines.marking.tolist()]
+    sightings = quality.sightings(config.quality, fits, detections, scene.environment, marking_ids)
+    tracks, assignment = tracker.assign(config.tracker, state.tracks, sightings, snapshot.ego, tick)
     estimate = LaneEstimate(
         exposed_at_ns=detections.exposed_at_ns,
         image_index=tick.index,
-        boundaries=quality.boundaries(config.quality, assignment.sides, fits, detections, scene.environment),
-        lane_change=assignment.lane_change,
+        boundaries=_placed(assignment, scene) if is_known else (),
+        lane_change=assignment.lane_change if is_known else 0,
         degraded=not is_known or bool(snapshot.stale),
     )
     lap("fit+track")
     return SensorState(motion=body, errors=errors, tracks=tracks), Sensed(
         observation=observation, detections=detections, estimate=estimate, camera_ego=moved
+    )
+
+
+def _placed(assignment: Assignment, scene: Scene) -> tuple[Boundary, ...]:
+    """Return the boundaries, those that are predicted with their marking's place in this scene."""
+    if not assignment.predicted:
+        return assignment.boundaries
+    place = {marking.id: n for n, marking in enumerate(scene.markings)}
+    return tuple(
+        line if line.measured else replace(line, marking=place.get(assignment.predicted[line.side], -1))
+        for line in assignment.boundaries
     )
 
 

@@ -330,12 +330,30 @@ class Fit:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Sighting:
+    """One line as this image shows it, before it is known which it is.
+
+    `quality` 1..4; `kind`, `colour`, `width_m` of its nearest paint; `marking` is its place in
+    `scene.markings`, `marking_id` that marking's id; both -1 if it belongs to none.
+    """
+
+    fit: Fit
+    quality: int
+    kind: MarkingKind
+    colour: Colour
+    width_m: float
+    marking: int
+    marking_id: int = -1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Boundary:
     """One line as reported: `y(x) = c0 + c1 x + ...` on [x_min_m, x_max_m], left positive, road level.
 
     `coefficients` (order + 1,) ascending; `covariance` (order + 1, order + 1) of them; `quality` 0..4;
     `marking` is its place in `scene.markings`, -1 if it belongs to none (a ghost); `points` is its
-    place among the lines of the Detections it was fitted to, -1 if `measured` is False.
+    place among the lines of the Detections it was fitted to, -1 if `measured` is False: the line is
+    not seen in this image, but predicted from what was seen of it before.
     """
 
     side: Side
@@ -354,7 +372,7 @@ class Boundary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LaneEstimate:
-    """The lines of one image; a side that is missing was not seen."""
+    """The lines of one image, measured and predicted; a side that is missing has neither."""
 
     exposed_at_ns: int
     image_index: int
@@ -363,7 +381,7 @@ class LaneEstimate:
     degraded: bool = False  # an input (ego motion) is missing or stale
 
     def on(self, side: Side) -> Boundary | None:
-        """Return the boundary on `side`, None if it was not seen."""
+        """Return the boundary on `side`, None if none is reported."""
         return next((line for line in self.boundaries if line.side is side), None)
 
 

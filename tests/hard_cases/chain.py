@@ -11,6 +11,7 @@ from vsensor.profile import load_profile
 from vsensor.sensor import Sensor, SensorConfig
 from vsensor.signals import VehicleConfig
 from vsensor.state import StateConfig
+from vsensor.tracker import TrackerConfig
 from vsensor.transmit import Transmitter
 from vsensor.types import SIDE_NAMES, Side, Tick, Unseen
 from vsensor.world.truth import line_truths
@@ -40,8 +41,11 @@ class Shown:
 
 
 def line_of(snapshot_at, *, profile_name="native", seed=0, **sections):
-    """Return the line that looks at given snapshots, with these sections of the sensor's configuration."""
-    config = SensorConfig(**sections)
+    """Return the line that looks at given snapshots, with these sections of the sensor's configuration.
+
+    A line is reported from its first image on.
+    """
+    config = SensorConfig(**{"tracker": TrackerConfig(confirm_images=1)} | sections)
     return Line(
         source=Shown(snapshot_at),
         sensor=Sensor.of(config, seed),

@@ -25,10 +25,12 @@ ALL = {
     "vibration": "rough",
     "bumps": [{"at_m": 5.0}, {"at_m": 20.0, "height_m": -0.05, "length_m": 2.0}],
 }
+AT_ONCE = {"tracker": {"confirm_images": 1}}  # a line is reported from its first image on
 EXACT = {
     "camera": {"pixel_grid": False},
     "error_model": {"mode": "none"},
     "region": {"enabled": False},
+    **AT_ONCE,
 }
 
 
@@ -206,13 +208,13 @@ def test_a_tick_that_is_not_later_begins_a_new_drive():
 
 def test_an_ego_that_is_not_known_reports_nothing_and_moves_on():
     lost = ego((np.nan, 0.0, 0.0), acceleration_mps2=np.nan, speed_mps=np.nan)
-    ((state, _),) = images(sensor(motion=ALL), 1)
-    for after, sensed in images(sensor(motion=ALL), 5, lost, state, 1):
+    ((state, _),) = images(sensor(motion=ALL, **AT_ONCE), 1)
+    for after, sensed in images(sensor(motion=ALL, **AT_ONCE), 5, lost, state, 1):
         assert sensed.estimate.degraded
         assert not sensed.estimate.boundaries
         assert after.motion.driven_m > state.motion.driven_m
         state = after
-    ((_, sensed),) = images(sensor(motion=ALL), 1, None, state, 6)
+    ((_, sensed),) = images(sensor(motion=ALL, **AT_ONCE), 1, None, state, 6)
     assert len(sensed.estimate.boundaries) == 2
 
 

@@ -211,6 +211,20 @@ def test_the_reason_of_a_measured_line_is_seen():
     assert line_truths(output_of(four_lines()), AXLE_M)[Side.RIGHT].reason_unseen is Unseen.SEEN
 
 
+def test_a_predicted_line_is_compared_with_the_marking_that_it_was_seen_as_though_it_has_another_side():
+    lines = [Drawn(y=straight(0.1)), Drawn(y=straight(-3.4))]
+    boundary = output_of([Drawn(y=straight(1.8), reported=Side.RIGHT)]).estimate.boundaries[0]
+    output = output_of(lines)
+    predicted = replace(boundary, side=Side.RIGHT, measured=False, points=-1, marking=0)
+    output = replace(output, estimate=replace(output.estimate, boundaries=(predicted,)))
+    truths = line_truths(output, AXLE_M)
+    assert truths[Side.RIGHT].marking == 0
+    assert truths[Side.RIGHT].y_m[0] == pytest.approx(0.1)
+    elsewhere = replace(predicted, marking=7)  # not in the window any more
+    output = replace(output, estimate=replace(output.estimate, boundaries=(elsewhere,)))
+    assert line_truths(output, AXLE_M)[Side.RIGHT].marking == 1
+
+
 def test_a_line_that_was_detected_but_not_fitted_had_too_few_points():
     assert line_truths(output_of([Drawn(y=straight(1.8))]), AXLE_M)[Side.LEFT].reason_unseen is (
         Unseen.TOO_FEW_POINTS

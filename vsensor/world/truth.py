@@ -5,8 +5,9 @@ road-level ego frame, so truth and sensor speak of the same line and nothing is 
 
 A line is *true* if some of it is painted within the window that the sensor looks at; a border without
 any paint there is none. Which true line is on which side follows from its true place beside the
-vehicle, whatever was reported. A measured boundary is compared with the marking that it was fitted to
-(`Boundary.marking`), on the side where it was reported: a swap of sides is not an error of place.
+vehicle, whatever was reported. A boundary is compared with the marking that it was fitted to, now or when
+it was seen last (`Boundary.marking`), on the side where it is reported: a swap of sides is not an error of
+place.
 """
 
 import itertools
@@ -79,8 +80,8 @@ def line_truths(output: Output, front_axle_x_m: float) -> Mapping[Side, LineTrut
         line, k = reported.get(side), on_side.get(side)
         if line is None and k is None:
             continue
-        if line is not None and line.measured and line.marking >= 0:
-            k = place.get(line.marking)
+        if line is not None and line.marking >= 0:
+            k = place.get(line.marking, None if line.measured else k)
         reason = _reason_unseen(output, line, k)
         if k is None:
             found[side] = _no_line(side, reason)

@@ -1,3 +1,5 @@
+"""Which line is on which side, with every line counted at once and none predicted."""
+
 import pickle
 from itertools import pairwise
 
@@ -5,25 +7,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from tests.lines import ego, tick
-from vsensor.tracker import TrackerConfig, assign, initial_state
-from vsensor.types import Fit, Side, frozen
+from tests.tracker.images import LEFT, NEXT_LEFT, NEXT_RIGHT, RIGHT, SIDES_ONLY, line, shown
+from tests.tracker.images import drive as drive_over
+from vsensor.tracker import assign, initial_state
 
-CONFIG = TrackerConfig()
-LEFT, RIGHT, NEXT_LEFT, NEXT_RIGHT = Side.LEFT, Side.RIGHT, Side.NEXT_LEFT, Side.NEXT_RIGHT
-
-
-def line(*coefficients, x_min_m=4.0, x_max_m=80.0, points=500):
-    coefficients = coefficients if len(coefficients) > 1 else (*coefficients, 0.0)
-    return Fit(
-        coefficients=frozen(np.array(coefficients, dtype=float)),
-        covariance=frozen(1e-6 * np.eye(len(coefficients))),
-        x_min_m=x_min_m,
-        x_max_m=x_max_m,
-        residual_std_m=0.01,
-        points=points,
-    )
+CONFIG = SIDES_ONLY
 
 
 def parallel(line_, by):
@@ -34,17 +25,13 @@ def parallel(line_, by):
 
 
 def sides(*fits, config=CONFIG, state=None, ego_=None, index=0):
-    return assign(config, state or initial_state(), fits, ego_ or ego(), tick(index))[1].sides
+    return assign(config, state or initial_state(), shown(fits), ego_ or ego(), tick(index))[1].sides
 
 
 def drive(images, speed_mps=0.0, config=CONFIG, state=None, first=0):
     """Run over images (tuples of fits); return per image the sides and the lane changes."""
-    found = []
-    state = initial_state() if state is None else state
-    for index, fits in enumerate(images, first):
-        state, assignment = assign(config, state, tuple(fits), ego(speed_mps), tick(index))
-        found.append(assignment)
-    return [dict(one.sides) for one in found], [one.lane_change for one in found], state
+    found, state = drive_over(images, speed_mps, config, state, first)
+    return [one.sides for one in found], [one.lane_change for one in found], state
 
 
 # --- one image --------------------------------------------------------------------------------------
@@ -87,7 +74,7 @@ def test_the_order_in_which_lines_come_does_not_matter(offsets):
 
 
 def test_a_line_beyond_the_lateral_limit_is_ignored():
-    config = TrackerConfig(max_lateral_m=6.0)
+    config = replace(CONFIG, max_lateral_m=6.0)
     assert sides(line(1.7), line(6.1), line(-5.9), config=config) == {LEFT: 0, NEXT_RIGHT: 2}
 
 
@@ -151,8 +138,8 @@ def test_a_camera_that_sees_no_nearer_than_12_m_places_lines_at_the_vehicle_all_
 
 
 def test_lines_seen_only_far_ahead_while_crossing_the_lane_are_placed_by_the_heading_known_from_before():
-    state, _ = assign(CONFIG, initial_state(), (line(1.0, -0.03),), ego(20.0), tick(0))
-    _, found = assign(CONFIG, state, (line(1.0, -0.03, x_min_m=50.0),), ego(20.0), tick(1))
+    state, _ = assign(CONFIG, initial_state(), shown([line(1.0, -0.03)]), ego(20.0), tick(0))
+    _, found = assign(CONFIG, state, shown([line(1.0, -0.03, x_min_m=50.0)]), ego(20.0), tick(1))
     assert found.sides == {LEFT: 0}  # at 50 m it is 0.5 m to the right of the vehicle's x axis
 
 
@@ -163,9 +150,9 @@ def test_a_short_piece_of_line_far_ahead_is_not_extended_to_the_vehicle_by_its_o
 
 @pytest.mark.parametrize("speed_mps", [np.nan, 0.0, np.inf])
 def test_an_unknown_or_standing_ego_is_no_trouble(speed_mps):
-    state, _ = assign(CONFIG, initial_state(), (line(1.7),), ego(speed_mps), tick(0))
+    state, _ = assign(CONFIG, initial_state(), shown([line(1.7)]), ego(speed_mps), tick(0))
     far = line(1.7, x_min_m=50.0)
-    state, found = assign(CONFIG, state, (far,), ego(speed_mps, np.nan), tick(1))
+    state, found = assign(CONFIG, state, shown([far]), ego(speed_mps, np.nan), tick(1))
     assert found.sides == {LEFT: 0}
 
 
@@ -234,7 +221,7 @@ def test_a_line_beyond_the_gate_is_another_line():
 
 
 def test_what_lies_left_of_a_left_line_is_left_even_within_the_hysteresis():
-    config = TrackerConfig(hysteresis_m=1.0)
+    config = replace(CONFIG, hysteresis_m=1.0)
     found, changes, _ = drive([(line(-0.1),), (line(0.5),), (line(0.6), line(0.1))], config=config)
     assert found == [{RIGHT: 0}, {RIGHT: 0}, {LEFT: 1, NEXT_LEFT: 0}]
     assert changes == [0, 0, -1]
@@ -248,7 +235,8 @@ def test_no_other_line_takes_the_side_of_a_confirmed_line_that_is_hidden_for_a_m
 
 
 def test_a_line_seen_in_fewer_images_than_it_takes_to_confirm_holds_no_side():
-    found, _, _ = drive([*[(line(1.0), line(4.0))] * 4, (None, line(4.0))])
+    config = replace(CONFIG, confirm_images=5)
+    found, _, _ = drive([*[(line(1.0), line(4.0))] * 4, (None, line(4.0))], config=config)
     assert found[-1] == {LEFT: 1}
 
 
