@@ -3,6 +3,7 @@
 import math
 
 import pytest
+
 from tests.bus_values import boundary, estimate
 from tests.made_profiles import nothing, profile_of, raws, sent, values, written
 from tests.test_profile import assert_bulk_equals_single

@@ -193,7 +193,7 @@ def test_cantools_reads_a_frame_of_every_page_to_the_same(tmp_path):
 
 
 def test_a_validity_bit_says_nothing_of_a_page_that_it_is_not_in(tmp_path):
-    dbc = LINES + ' SG_ ROk m5 : 32|1@1+ (1,0) [0|1] "" ECU\n'
+    dbc = LINES + ' SG_ ROk m5 : 33|1@1+ (1,0) [0|1] "" ECU\n'
     text = PAGES.format(mux="together")
     text += 'ROk = { valid_of = ["left", "right"], valid_raw = 0, invalid_raw = 1 }\n'
     profile = profile_of(tmp_path, dbc, text)
