@@ -42,12 +42,12 @@ def due_in(slot: Tick, offset_ns: int, cycle_ns: int) -> bool:
 class MessageState:
     """What a message that more than time sends remembers; times since t = 0 in ns.
 
-    `watched`, `written`: the watched bits and the image that were last there (None: none yet). `waits`: a
-    frame waits for the minimum delay to pass since `sent_ns`. `repeats` frames are to follow, the next at
+    `watched`, `written`: the watched raw values and the image of the slot before (None: none yet). `waits`:
+    a frame waits for the minimum delay to pass since `sent_ns`. `repeats` frames are to follow, the next at
     `repeat_ns`. `active_ns`: since when it is active, None while it is not.
     """
 
-    watched: int | None = None
+    watched: tuple[int | None, ...] | None = None
     written: float | None = None
     waits: bool = False
     sent_ns: int | None = None
@@ -58,9 +58,9 @@ class MessageState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Happening:
-    """What there is to a message in a slot: its watched bits, its image, and whether it is active."""
+    """What there is to a message in a slot: its watched raw values, its image, and whether it is active."""
 
-    watched: int
+    watched: tuple[int | None, ...]
     written: float
     active: bool
 

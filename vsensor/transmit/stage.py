@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from vsensor.codec import pack, to_physical, unpack
+from vsensor.codec import to_physical, unpack
 from vsensor.profile import MessagePlan, Profile
 from vsensor.signals import VehicleConfig, to_bus
 from vsensor.transmit.encode import Encoder
@@ -40,7 +40,6 @@ class Transmitter:
         self._common_ns = common_ns(profile.messages)
         self.cyclic = _by_time(profile)
         self.eventful = tuple(k for k in places if not profile.messages[k].sending.is_cyclic)
-        self.masks = tuple(_watch_mask(profile.messages[k]) for k in self.eventful)
 
     def raws(self, values: SignalValues) -> tuple[list[int], list[str]]:
         """Return the raw bits of all bindings and the names of saturated signals, see Encoder.raws."""
@@ -112,10 +111,8 @@ class _Image:
         if self._happenings is None:
             sender = self._transmitter
             self._happenings = tuple(
-                _happening(
-                    sender.profile.messages[k], mask, sender.encoder.contents(k, self.raws()), self._values
-                )
-                for k, mask in zip(sender.eventful, sender.masks, strict=True)
+                _happening(sender.profile.messages[k], sender.encoder.contents(k, self.raws()), self._values)
+                for k in sender.eventful
             )
         return self._happenings
 
@@ -165,9 +162,8 @@ def _step_all(
     return tuple(after), due
 
 
-def _happening(plan: MessagePlan, mask: int, pages: tuple[bytes, ...], values: SignalValues) -> Happening:
+def _happening(plan: MessagePlan, pages: tuple[bytes, ...], values: SignalValues) -> Happening:
     on_bus = {name: raw for data in pages for name, raw in unpack(plan.layout, data).items()}
-    shift = 8 * plan.layout.length
     active = any(
         condition.holds(
             _physical(plan, condition.subject, on_bus)
@@ -177,7 +173,7 @@ def _happening(plan: MessagePlan, mask: int, pages: tuple[bytes, ...], values: S
         for condition in plan.sending.active
     )
     return Happening(
-        watched=sum((int.from_bytes(data, "little") & mask) << shift * k for k, data in enumerate(pages)),
+        watched=tuple(map(on_bus.get, plan.sending.watched)),
         written=values.get("image.index", 0.0),
         active=active,
     )
@@ -186,12 +182,6 @@ def _happening(plan: MessagePlan, mask: int, pages: tuple[bytes, ...], values: S
 def _physical(plan: MessagePlan, name: str, raws: Mapping[str, int]) -> float:
     """Return the value of a signal in its unit on the bus; NaN for SNA, or where it is not in the frame."""
     return to_physical(plan.layout.signals[name], raws[name]) if name in raws else math.nan
-
-
-def _watch_mask(plan: MessagePlan) -> int:
-    """Return the bits of the watched signals in the frame, read as a little-endian integer."""
-    ones = {name: (1 << plan.layout.signals[name].length) - 1 for name in plan.sending.watched}
-    return int.from_bytes(pack(plan.layout, ones), "little")
 
 
 def _counted(state: TransmitState, saturated: Sequence[str]) -> Mapping[str, int]:
