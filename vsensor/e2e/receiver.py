@@ -151,7 +151,7 @@ def _judged(
     after = _next(config, before, window)
     if after is Reception.INVALID and before is not Reception.INVALID and config.clear_to_invalid:
         return after, ()
-    return after, window[-_size(config, after) :]
+    return after, window
 
 
 def _next(config: ReceiverConfig, before: Reception, window: tuple[Status, ...]) -> Reception:
