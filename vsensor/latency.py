@@ -48,6 +48,14 @@ class Image:
     environment: Environment
 
 
+NO_IMAGE = Image(
+    estimate=LaneEstimate(exposed_at_ns=0, image_index=0, boundaries=()),
+    ego=EgoState(t_ns=0, position_world_m=frozen([0.0, 0.0, 0.0]), speed_mps=0.0),
+    environment=Environment(),
+)
+"""What is sent before the first image has come through."""
+
+
 def arc(ego: EgoState, seconds: float) -> Motion:
     """Return the motion at constant speed and yaw rate; `seconds` below 0 go back. Unknown = none."""
     speed, rate = ego.speed_mps, ego.yaw_rate_radps

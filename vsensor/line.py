@@ -25,8 +25,6 @@ from vsensor.sources.map_drive import MapDrive
 from vsensor.state import Causes, StateConfig
 from vsensor.transmit import TransmitState, Transmitter
 from vsensor.types import (
-    EgoState,
-    Environment,
     Frame,
     LaneEstimate,
     Output,
@@ -34,7 +32,6 @@ from vsensor.types import (
     SignalValues,
     Snapshot,
     Tick,
-    frozen,
 )
 
 
@@ -100,7 +97,7 @@ class Line:
         machine_state = machine.advance(
             self.state_config, state.machine, self._causes(snapshot, sensed, image is not None), tick
         )
-        values = self._values(image or _NO_IMAGE, machine_state.mode)
+        values = self._values(image or latency.NO_IMAGE, machine_state.mode)
         transmit_state, frames = sending.transmit_image(self.transmitter, state.transmit, values, tick)
         lap("signals+codec")
         output = Output(
@@ -204,14 +201,6 @@ def build_line(scenario: Scenario) -> Line:
         transmitter=Transmitter(profile, config.vehicle, config.camera.position_m[0]),
         latency_ns=round(config.output.latency_ms * 1_000_000),
     )
-
-
-_NO_IMAGE = latency.Image(
-    estimate=LaneEstimate(exposed_at_ns=0, image_index=0, boundaries=()),
-    ego=EgoState(t_ns=0, position_world_m=frozen([0.0, 0.0, 0.0]), speed_mps=0.0),
-    environment=Environment(),
-)
-"""What is sent before the first image has come through."""
 
 
 @contextmanager
