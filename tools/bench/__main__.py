@@ -7,11 +7,14 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from tools.bench import drives, frontier, growth, peers, pictures, reference
+from tools.bench import codec, drives, frontier, growth, peers, pictures, reference, timing
 from tools.bench.measure import ROOT, machine
 from tools.bench.report import markdown
 
-SECTIONS = ("demo", "fast", "vcan", "reference", "frontier", "growth", "memory", "hard")
+SECTIONS = (
+    *("demo", "fast", "encoding", "decoding", "vcan", "timing"),
+    *("reference", "frontier", "growth", "memory", "hard"),
+)
 
 
 def main(words: list[str] | None = None) -> int:
@@ -20,7 +23,14 @@ def main(words: list[str] | None = None) -> int:
     )
     parser.add_argument("--only", default=",".join(SECTIONS), help=f"some of {','.join(SECTIONS)}")
     parser.add_argument("--seconds", type=int, default=60, help="length of the run on vcan")
-    parser.add_argument("--full", action="store_true", help="memory over a simulated hour, not ten minutes")
+    parser.add_argument(
+        "--timing-seconds", type=float, default=10.0, help="length of each sender's turn in timing"
+    )
+    parser.add_argument(
+        "--full",
+        action="store_true",
+        help="memory over a simulated hour, not ten minutes; ten minutes of the demo in timing",
+    )
     parser.add_argument("--out", type=Path, default=ROOT / "report", help="folder of the report")
     arguments = parser.parse_args(words)
     only = arguments.only.split(",")
@@ -32,6 +42,12 @@ def main(words: list[str] | None = None) -> int:
         "demo": ("demo_tick", drives.demo_tick),
         "fast": ("fast", drives.fast_ratio),
         "vcan": ("vcan", lambda: drives.on_vcan(arguments.seconds)),
+        "encoding": ("encoding", codec.encoding),
+        "decoding": ("decoding", codec.decoding),
+        "timing": (
+            "timing",
+            lambda: timing.timing(arguments.timing_seconds, 10.0 if arguments.full else 0.0),
+        ),
         "reference": ("reference", reference.against_p1),
         "frontier": ("frontier", frontier.frontier),
         "growth": ("growth", growth.growth),
@@ -46,7 +62,11 @@ def main(words: list[str] | None = None) -> int:
             print(f"{section}: {time.perf_counter() - began:.0f} s", file=sys.stderr)
     if "reference" in report:
         report["occlusion"] = peers.occlusion()
-    for name, draw in (("frontier", pictures.frontier), ("growth", pictures.growth)):
+    for name, draw in (
+        ("frontier", pictures.frontier),
+        ("growth", pictures.growth),
+        ("timing", pictures.timing),
+    ):
         if name in report:
             draw(report[name], arguments.out / f"{name}.png")
     (arguments.out / "bench.json").write_text(json.dumps(report, indent=2) + "\n")

@@ -4,6 +4,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from tools.bench.timing import CYCLES_MS as CYCLE_PLACES
+from tools.bench.timing import NAMES, PLACES
+
 COLOURS = {0: "#7a7a7a", 320: "#d1495b", 640: "#edae49", 1280: "#00798c", 2560: "#30638e"}
 MARKERS = {0.1: "o", 0.2: "s", 0.5: "^", 1.0: "D", 2.0: "v"}
 
@@ -57,6 +60,34 @@ def growth(found: Mapping[str, Any], path: Path) -> None:
         panel.set(xlabel=f"number of {what}", ylabel="time, ms", title=f"over {what}")
         panel.grid(alpha=0.3, which="both")
         panel.legend(fontsize=8)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def timing(found: Mapping[str, Any], path: Path) -> None:
+    """Draw lateness over the cycle: p50 to max of every sender, one panel per place."""
+    plt = _pyplot()
+    places = list(dict.fromkeys(row["bus"] for row in found["rows"]))
+    figure, panels = plt.subplots(
+        1, len(places), figsize=(7 * len(places), 6), sharey=True, squeeze=False, layout="constrained"
+    )
+    for panel, place in zip(panels[0], places, strict=True):
+        rows = [row for row in found["rows"] if row["bus"] == place]
+        senders = list(dict.fromkeys(row["who"] for row in rows))
+        for row in rows:
+            x = CYCLE_PLACES.index(row["cycle_ms"]) + 0.12 * (senders.index(row["who"]) - len(senders) / 2)
+            y = [max(row["lateness"][name], 1e-4) for name in ("p50", "p99", "p99.9", "max")]
+            colour = f"C{list(NAMES).index(row['who'])}"
+            panel.plot([x] * 4, y, "-", color=colour, alpha=0.5)
+            for value, marker in zip(y, "osd^", strict=True):
+                panel.plot(x, value, marker, color=colour, ms=5)
+        panel.set(yscale="log", title=PLACES[place], xlabel="cycle, ms")
+        panel.set_xticks(range(len(CYCLE_PLACES)), map(str, CYCLE_PLACES))
+        panel.grid(alpha=0.3, which="both")
+    panels[0][0].set_ylabel("lateness of the first frame, ms: p50 o, p99 square, p99.9 diamond, max triangle")
+    used = dict.fromkeys(row["who"] for row in found["rows"])
+    handles = [_dot(plt, f"C{list(NAMES).index(who)}", "o", NAMES[who]) for who in used]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=9, frameon=False)
     figure.savefig(path, dpi=110)
     plt.close(figure)
 

@@ -3,6 +3,9 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from tools.bench import report_timing
+from tools.bench.tables import table
+
 Report = Mapping[str, Any]
 _KEPT = {True: "yes", False: "no", None: ""}
 
@@ -18,12 +21,6 @@ def markdown(report: Report) -> str:
     ]
     parts += [write(report[name]) for name, write in SECTIONS.items() if name in report]
     return "\n\n".join(part for part in parts if part) + "\n"
-
-
-def table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """Return a table; `rows` hold what str() makes readable."""
-    lines = [f"| {' | '.join(map(str, row))} |" for row in (header, ["---"] * len(header), *rows)]
-    return "\n".join(lines)
 
 
 def number(value: float) -> str:
@@ -200,13 +197,17 @@ def _stages(stages: Report) -> str:
 TARGETS = {
     "demo_tick": _demo,
     "fast": _fast,
+    "encoding": report_timing.encoding,
+    "decoding": report_timing.decoding,
     "vcan": _vcan,
+    "timing": report_timing.timing,
     "reference": _reference,
     "occlusion": _occlusion,
     "memory": _memory,
 }
 SECTIONS = {
     "demo_tick": lambda demo: "## The demo tick\n\n" + _stages(demo["stages_p50_ms"]),
+    "timing": report_timing.timing_page,
     "reference": _reference_page,
     "occlusion": lambda found: "## Occlusion in the reference scene\n\n" + _stages(found["parts_p50_ms"]),
     "frontier": _frontier_page,
