@@ -252,6 +252,15 @@ def test_a_frame_with_a_wrong_checksum_is_as_if_it_had_not_come(straight):
     assert not bench(straight, frames).run(20).stale
 
 
+@pytest.mark.parametrize("flag", ["is_remote", "is_error", "is_extended"])
+def test_a_frame_of_another_kind_is_not_believed_though_its_bytes_are_right(straight, flag):
+    frames = motion_frames(1.0, lambda t: 20.0, lambda t: 0.0)
+    one = bench(straight, [replace(frame, **{flag: True}) for frame in frames])
+    assert one.run(20).stale
+    assert not one.source.accepts(replace(frames[0], **{flag: True}))
+    assert one.source.accepts(frames[0])
+
+
 def test_a_frame_whose_counter_stands_brings_nothing_new(straight):
     frame = Gateway().motion(0, 20.0, 0.0)
     frames = [replace(frame, due_ns=k * CYCLE_NS) for k in range(50)]
@@ -429,6 +438,27 @@ def test_speed_may_come_from_the_bus_while_an_ecu_steers(straight):
     assert one.snapshots[-1].stale == ()
 
 
+def test_a_loop_that_is_closed_over_the_bus_keeps_the_vehicle_in_its_lane(bend):
+    """A law of our own: the bend's steering angle, more of it for an offset and a heading to the right."""
+    one = bench(bend, [], "steering", ego={"speed_kmh": 72, "offset_m": 0.8})
+    gateway, offsets = Gateway(), []
+    vehicle = SingleTrack.of(DynamicsConfig(), 2.8)
+    ahead = 20.0 / (vehicle.steady_yaw_rate(20.0, 1.0) * (RADIUS_M + HALF_LANE_M))
+    for k in range(600):
+        snapshot = one.step()
+        foot = one.state.foot
+        heading = remainder(snapshot.ego.yaw_rad - foot.s_m / (RADIUS_M + HALF_LANE_M), 2 * pi)
+        request = ahead - 0.01 * foot.offset_m - 0.2 * heading
+        one.waiting.append(gateway.frame("ECU_Steering", k * PERIOD_NS + 1, steering_request_rad=request))
+        offsets.append(foot.offset_m)
+    assert offsets[0] == pytest.approx(0.8, abs=1e-6)
+    assert max(map(abs, offsets)) < 1.0
+    # The rear axle slips by m (lf / L) v^2 / R / cr, so the nose points in; the law balances that by an offset.
+    slip = 1600.0 * 1.25 / 2.8 * 20.0**2 / (RADIUS_M + HALF_LANE_M) / 150_000.0
+    assert offsets[-1] == pytest.approx(-0.2 * slip / 0.01, abs=0.01)
+    assert one.state.foot.s_m > 450.0
+
+
 # ---- the route ----
 
 
@@ -458,8 +488,9 @@ def test_off_the_route_nothing_is_seen_and_that_is_said(straight):
     assert one.snapshots[-1].stale == ()
 
 
-def test_against_the_direction_of_the_route_nothing_is_seen(straight):
-    snapshot = bench(straight, pose_frames(0.4, lambda t: (200.0, -HALF_LANE_M, pi)), "pose").run(9)
+@pytest.mark.parametrize("x", [10.0, 200.0])  # beside the start, and so far off that it is looked for
+def test_against_the_direction_of_the_route_nothing_is_seen(straight, x):
+    snapshot = bench(straight, pose_frames(0.4, lambda t: (x, -HALF_LANE_M, pi)), "pose").run(9)
     assert snapshot.scene.markings == ()
 
 
