@@ -57,7 +57,8 @@ def run_loop(
             state = computed.state_if_sent
             sent = outbox.taken_away()
             if timing is not None and output.frames:
-                timing.age.add(outbox.last_sent_ns - start_ns - output.estimate.exposed_at_ns)
+                exposed_at_ns = output.estimate.exposed_at_ns - line.latency_ns
+                timing.age.add(outbox.last_sent_ns - start_ns - exposed_at_ns)
             summary.frames_sent += len(sent)
             summary.saturated = sum(state.transmit.saturated.values())
             watch.skip()
