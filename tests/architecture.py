@@ -28,6 +28,7 @@ ORDER = """
     / study
     / plots
     / run
+    / pitfalls
     / check
     / field
     / video

@@ -17,6 +17,7 @@ from vsensor.errors import ConfigError
 from vsensor.line import Line, build_line
 from vsensor.logs import read_log
 from vsensor.motion import MotionConfig
+from vsensor.pitfalls import pitfalls
 from vsensor.profile import (
     QUANTITIES,
     MessagePlan,
@@ -166,7 +167,7 @@ def _check_scenario(scenario: Scenario, profile: str | None, dbc: Path | None) -
     line = build_line(scenario)
     uneven = line.uneven(scenario.config.cycle_ms * 1_000_000)
     findings = [*line.source.findings, *uneven, *audit(load_database(line.profile.database))]
-    findings += _sending_findings(line.profile)
+    findings += [*_sending_findings(line.profile), *pitfalls(scenario, line)]
     head = [f"scenario {scenario.name}: source {scenario.source}", *line.source.notes]
     return _report(head, findings, [*_model_lines(scenario, line), *_profile_lines(line.profile)])
 
