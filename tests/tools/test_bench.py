@@ -11,13 +11,15 @@ from tools.bench.report import markdown
 from tools.bench.scene import boxes_in_view, reference_line, ticks_at
 from vsensor.error_model import ErrorModelConfig
 from vsensor.sensor import SensorConfig
+from vsensor.tracker import TrackerConfig
 from vsensor.types import Unseen
 
 
 @pytest.fixture(scope="module")
 def looks():
     """Outputs of the reference scene over a minute, without errors."""
-    line = reference_line(SensorConfig(error_model=ErrorModelConfig(mode="none")))
+    at_once = TrackerConfig(confirm_images=1)  # every image here is a first one
+    line = reference_line(SensorConfig(error_model=ErrorModelConfig(mode="none"), tracker=at_once))
     return line, [line.compute(line.initial_state(), tick).output for tick in ticks_at(range(0, 1500, 100))]
 
 
