@@ -2,10 +2,13 @@
 
 from vsensor.profile.binding import Binding, Part, Validity
 from vsensor.profile.bursts import NOTHING_OPEN, Assembly, Burst, FrameKey, Image, left_over
-from vsensor.profile.compiled import Column, MessagePlan, Profile, quantisation_error_m
+from vsensor.profile.columns import Column
+from vsensor.profile.compiled import Profile
 from vsensor.profile.config import GeometryConfig, ProfileConfig
 from vsensor.profile.load import SCHEMA, load_profile, load_profiles, shipped_profiles
 from vsensor.profile.pages import Page
+from vsensor.profile.plan import MessagePlan
+from vsensor.profile.quantisation import quantisation_error_m
 from vsensor.profile.quantities import LINES, QUANTITIES, UNITS, Indicator, LaneChange, Quantity, Wiper
 
 __all__ = [

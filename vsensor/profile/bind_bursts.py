@@ -8,8 +8,8 @@ from vsensor.errors import ConfigError
 from vsensor.profile.bind import hint, signal_of
 from vsensor.profile.burst_config import BurstChecksumConfig, BurstConfig, CoverConfig
 from vsensor.profile.bursts import Burst, FrameKey, Seal
-from vsensor.profile.compiled import MessagePlan
 from vsensor.profile.config import E2eConfig, MessageConfig, SignalConfig
+from vsensor.profile.plan import MessagePlan
 
 
 def named(config: BurstConfig, given: str | Mapping[str, str] | None) -> Mapping[str, str]:

@@ -10,11 +10,12 @@ from vsensor.errors import ConfigError
 from vsensor.profile.bind import binding_of, constant_raw, hint, signal_of, start_bits, validity_of
 from vsensor.profile.bind_bursts import burst_of, with_bursts
 from vsensor.profile.binding import Binding, Validity
-from vsensor.profile.compiled import MessagePlan, Profile
+from vsensor.profile.compiled import Profile
 from vsensor.profile.config import MessageConfig, ProfileConfig, SignalConfig
 from vsensor.profile.node import node_messages
 from vsensor.profile.pages import pages_of
 from vsensor.profile.parts import whole_of
+from vsensor.profile.plan import MessagePlan
 from vsensor.profile.protection import guard_of, protecting
 from vsensor.profile.send_plan import group_phases, message_plan
 
