@@ -190,6 +190,21 @@ def test_the_vehicle_stands_on_the_road_and_leans_with_it(tmp_path):
     assert along.pitch_rad < -0.04
 
 
+def test_a_yaw_rate_about_the_normal_of_a_banked_bend_turns_the_heading_on_the_map(tmp_path):
+    """At 15 % of bank and slope it is 2 % less than the turn on the map."""
+    plan = geometry(f'<arc curvature="{1 / RADIUS_M!r}"/>', 400.0)
+    elevation = '<elevation s="0" a="0" b="0.15" c="0" d="0"/>'
+    lateral = '<superelevation s="0" a="0.15" b="0" c="0" d="0"/>'
+    road_map = loaded(tmp_path, road(plan=plan, length=400.0, elevation=elevation, lateral=lateral))
+    source = live(road_map)
+    along = [source.drive.advance(None, tick(k), ())[1].ego for k in range(101)]
+    rates = [ego.yaw_rate_radps for ego in along]
+    frames = motion_frames(4.0, lambda t: 100 * KMH, lambda t: rates[round(t * 25)], cycle_ns=PERIOD_NS)
+    ego = bench(road_map, frames).run(101).ego
+    assert along[100].yaw_rad == pytest.approx(0.55, abs=0.05)
+    assert ego.yaw_rad == pytest.approx(along[100].yaw_rad, abs=1e-3)
+
+
 @pytest.mark.parametrize("heading", [0.0, 0.4, -1.2])
 def test_whatever_its_heading_the_vehicle_stands_flat_on_a_tilted_road(tmp_path, heading):
     elevation = '<elevation s="0" a="1" b="0.08" c="0" d="0"/>'
@@ -392,6 +407,17 @@ def test_a_steered_vehicle_stands_until_the_first_request_and_then_drives_at_the
     assert one.snapshots[60].stale == one.snapshots[0].stale == ()
 
 
+def test_the_time_of_the_scenarios_speed_begins_with_the_first_request(straight):
+    speed = [(0.0, 36.0), (1.0, 72.0)]
+    one = bench(
+        straight, steering_frames(3.0, lambda t: 0.0, 400_000_000), "steering", ego={"speed_kmh": speed}
+    )
+    one.run(60)
+    found = [one.snapshots[k].ego.speed_mps for k in (10, 11, 12, 24, 50)]
+    assert found == pytest.approx([0.0, 10.0, 10.4, 15.2, 20.0])
+    assert one.snapshots[24].ego.acceleration_mps2 == pytest.approx(10.0)
+
+
 def test_a_held_angle_drives_the_circle_of_steady_cornering(straight):
     angle, speed = 0.01, 20.0
     frames = steering_frames(6.0, lambda t: angle)
@@ -510,6 +536,12 @@ def test_the_drive_ends_where_the_route_does(tmp_path):
     one.run(100)
     ended = [snapshot is None for snapshot in one.snapshots]
     assert ended.index(True) == 76  # 60 m at 20 m/s: 3.0 s; the tick at 3.00 s is still on the road
+
+
+def test_just_before_the_start_of_the_route_the_vehicle_is_still_on_it(straight):
+    snapshot = bench(straight, pose_frames(0.4, lambda t: (-2.0, -HALF_LANE_M, 0.0)), "pose").run(9)
+    assert position(snapshot)[0] == pytest.approx(-2.0)
+    assert snapshot.scene.markings
 
 
 def test_a_closed_circuit_goes_on_and_on(tmp_path):
