@@ -22,6 +22,7 @@ EXACT = {
     "region": {"enabled": False},
     "scene": {"range_m": 120.0},
     "state": {"init_s": 0.0},
+    "tracker": {"confirm_images": 1},
     "ego": {"speed_kmh": 72},
 }
 

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from numpy.polynomial import polynomial
 
+from tests.roads import ego, marking, snapshot
 from tests.shared import SHARED_DATA, needs_shared
 from vsensor.config import load_scenario
 from vsensor.line import build_line
+from vsensor.sensor import Sensor, SensorConfig, initial_state, sense
 from vsensor.sinks.trace import TraceSink, read_trace
 from vsensor.types import Side, Tick, Unseen
 from vsensor.world.truth import line_truths
@@ -130,3 +132,31 @@ def test_a_drive_restarted_while_lines_are_predicted_goes_on_bit_for_bit():
     assert run(state, 20, 30)[1] == run(state, 20, 30)[1]
     _, whole = run(seeing.initial_state(), 0, 30)
     assert whole[-len(run(state, 20, 30)[1]) :] == run(state, 20, 30)[1]
+
+
+# --- gaps in the paint ------------------------------------------------------------------------------
+
+
+def across_a_gap(gap_m, speed_mps=80.0 / 3.6):
+    """Yield the reports of a straight road's left line, which has no paint for `gap_m` from 120 m on."""
+    x = np.arange(0.0, 400.0, 0.1)
+    left = marking(np.column_stack([x, np.full(len(x), 1.8)]), 0, painted=(x < 120.0) | (x > 120.0 + gap_m))
+    right = marking(np.column_stack([x, np.full(len(x), -1.7)]), 1)
+    sensor, state = Sensor.of(SensorConfig(), 1), initial_state()
+    for index in range(int((120.0 + gap_m) / speed_mps * 25)):
+        vehicle = ego((speed_mps * 0.04 * index, 0.0, 0.0), speed_mps=speed_mps)
+        tick = Tick(index=index, t_ns=index * PERIOD_NS, period_ns=PERIOD_NS)
+        state, sensed = sense(sensor, state, snapshot([left, right], vehicle=vehicle), tick)
+        yield sensed.estimate.on(Side.LEFT)
+
+
+@pytest.mark.parametrize("gap_m", [5.0, 12.0, 30.0, 50.0])
+def test_a_gap_in_the_paint_of_5_to_50_m_is_bridged_at_80_kmh(gap_m):
+    reports = list(across_a_gap(gap_m))[2:]
+    assert all(reports)
+    assert max(abs(line.coefficients[0] - 1.8) for line in reports) < 0.5  # with the error model's errors
+    assert all(line.quality >= 1 for line in reports)
+
+
+def test_a_gap_longer_than_the_view_ends_the_line():
+    assert None in list(across_a_gap(110.0))[2:]

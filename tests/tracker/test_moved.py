@@ -98,8 +98,8 @@ def test_the_place_beside_the_vehicle_and_the_distance_to_a_point_agree_with_the
 
 def test_the_covariance_is_that_of_moved_lines():
     rng = np.random.default_rng(1)
-    mean, root = np.array([1.75, 0.02, 5e-4, -1e-6]), np.diag([0.05, 2e-3, 5e-5, 4e-7])
-    moved = Moved(x_m=15.0, y_m=0.5, heading_rad=0.1)  # no path: nothing unknown is added
+    mean, root = np.array([1.75, 0.4, 5e-4, -1e-6]), np.diag([0.05, 2e-3, 5e-5, 4e-7])
+    moved = Moved(x_m=15.0, y_m=0.5, heading_rad=-0.4)  # no path: nothing unknown is added
     fit = line(*mean, x_max_m=80.0)
     object.__setattr__(fit, "covariance", root @ root.T)
     drawn = [

@@ -45,7 +45,7 @@ def _moved(track: Track, step: Moved, was_seen: bool) -> Track:
 
     That does from one image to the next, and where the line is not known near; else it is read.
     """
-    moved = track.moved.further(step)
+    moved = step if was_seen else track.moved.further(step)
     position_m, slope = track.position_m + track.slope * step.x_m, track.slope
     fit = track.last.fit
     if not was_seen and (track.is_near or _reaches_ego(fit, moved)):
