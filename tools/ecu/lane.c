@@ -51,6 +51,11 @@ struct lane lane_of(const struct contents *contents)
     };
 }
 
+bool line_is_near(const struct line *line)
+{
+    return line->available && line->has_numbers && line->quality >= LEAST_QUALITY && line->start_m <= NEAR_M;
+}
+
 double line_y(const struct line *line, double x_m)
 {
     return line->offset_m
@@ -69,8 +74,8 @@ static bool line_contradicts(const struct line *line, bool is_ready)
 
 static bool contradicts(const struct lane *lane)
 {
-    const bool crossed = lane->left.available && lane->right.available && lane->left.has_numbers
-                         && lane->right.has_numbers && lane->left.offset_m <= lane->right.offset_m;
+    const bool crossed = line_is_near(&lane->left) && line_is_near(&lane->right)
+                         && lane->left.offset_m <= lane->right.offset_m;
     return crossed || line_contradicts(&lane->left, lane->is_ready)
            || line_contradicts(&lane->right, lane->is_ready);
 }
@@ -79,7 +84,7 @@ static bool contradicts(const struct lane *lane)
 
 static bool jumped(const struct line *before, const struct line *now, unsigned images, double *step_m)
 {
-    if (!before->available || !now->available || !before->has_numbers || !now->has_numbers)
+    if (!line_is_near(before) || !line_is_near(now))
         return false;
     *step_m = now->offset_m - before->offset_m;
     return fabs(*step_m) > MAX_STEP_M * images

@@ -33,6 +33,12 @@ struct lane {
 /* The lane of the last complete burst. */
 struct lane lane_of(const struct contents *contents);
 
+#define NEAR_M 12.0     /* a line that begins farther ahead says little of where it would be beside us */
+#define LEAST_QUALITY 2 /* 1 is poor */
+
+/* Whether the line is good enough, and seen near enough, to say where it lies. */
+bool line_is_near(const struct line *line);
+
 /* y at x in metres. */
 double line_y(const struct line *line, double x_m);
 

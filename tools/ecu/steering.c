@@ -12,7 +12,6 @@
 #define MAX_RATE_RADPS 0.5
 #define LEAST_PREVIEW_M 8.0
 #define WIDTH_FILTER 0.05
-#define LEAST_QUALITY 1u
 
 static double clamp(double value, double limit)
 {
@@ -26,8 +25,7 @@ void steering_init(struct steering *steering, struct steering_config config)
 
 static bool can_steer_by(const struct line *line)
 {
-    return line->available && line->has_numbers && line->quality >= LEAST_QUALITY
-           && line->end_m >= LEAST_PREVIEW_M;
+    return line_is_near(line) && line->end_m >= LEAST_PREVIEW_M;
 }
 
 /* The lane's centre y at x from whichever lines there are. */
