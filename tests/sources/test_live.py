@@ -240,6 +240,24 @@ def test_a_silent_bus_is_missed_after_the_timeout_and_welcome_when_it_comes_back
     )
 
 
+@pytest.mark.parametrize("told", [{"speed_mps": 20.0}, {"yaw_rate_radps": 0.1}])
+def test_while_one_of_speed_and_yaw_rate_has_not_come_the_vehicle_stands_and_keeps_no_samples(straight, told):
+    gateway = Gateway()
+    one = bench(straight, [gateway.frame("VEH_Motion", k * CYCLE_NS, **told) for k in range(200)])
+    snapshot = one.run(90)
+    assert position(snapshot) == pytest.approx([0.0, -HALF_LANE_M, 0.0], abs=1e-9)
+    assert len(snapshot.stale) == 1
+    assert len(one.state.control.speeds) + len(one.state.control.rates) == 1
+
+
+def test_a_long_drive_with_and_without_silence_keeps_few_samples(straight):
+    frames = motion_frames(20.0, lambda t: 5.0, lambda t: 0.0)
+    one = bench(straight, [f for f in frames if not 6e9 < f.due_ns < 12e9])
+    for _ in range(500):
+        one.step()
+        assert len(one.state.control.speeds) + len(one.state.control.rates) <= 8
+
+
 def test_a_last_value_is_held_for_ever_or_as_long_as_is_said(straight):
     frames = motion_frames(1.0, lambda t: 20.0, lambda t: 0.0)
     held = bench(straight, frames).run(101)

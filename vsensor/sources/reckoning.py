@@ -61,7 +61,8 @@ class MotionControl:
         """Return the course, its anchor brought as far as both are known, and the prediction from there."""
         course = _with(state, news)
         if not started(course):
-            return standing(course, tick.t_ns), Motion(pose=course.pose)
+            waiting = replace(standing(course, tick.t_ns), speeds=course.speeds[-1:], rates=course.rates[-1:])
+            return waiting, Motion(pose=course.pose)
         if not started(state):
             course = replace(course, t_ns=min(tick.t_ns, max(course.speeds[0][0], course.rates[0][0])))
         known_ns = min(
