@@ -236,8 +236,11 @@ def test_ctrl_c_ends_with_130_and_the_next_run_reuses_what_was_finished(tmp_path
     assert process.returncode == 130
     assert "the same command goes on with the rest" in stdout
     assert stderr == f"vsensor: 300 cells into {out}\n"
-    assert not (out / "table.csv").exists()
     finished = {path: path.stat().st_mtime_ns for path in out.glob("cells/*.json")}
+    assert "mean over the finished runs of 150 seeds" in stdout
+    with open(out / "table.csv", newline="", encoding="utf-8") as file:
+        assert sum(row["side"] == "all" for row in csv.DictReader(file)) == len(finished)
+    assert not (out / "plot.png").exists()
     assert 0 < len(finished) < 300
     assert f"{len(finished)} of 300 cells finished" in stdout
     shorter = [*command[:-1], "1"]

@@ -36,7 +36,8 @@ class SweepReport:
 def sweep_scenario(name_or_path: str, options: SweepOptions, say: Callable[[str], None]) -> SweepReport:
     """Run what is not finished yet, then write table.csv, table.parquet and plot.png beside cells/.
 
-    Interrupted, it writes no table: the same command goes on. Raises VsensorError subclasses.
+    Interrupted, it writes the tables of what is finished, no picture: the same command goes on. Raises
+    VsensorError subclasses.
     """
     sweep = make_sweep(name_or_path, options.vary, seeds=options.seeds, duration_s=options.duration_s)
     folder = options.out or Path(f"sweep_{sweep.name}")
@@ -49,10 +50,11 @@ def sweep_scenario(name_or_path: str, options: SweepOptions, say: Callable[[str]
         progress=options.progress,
     )
     lines = [_counted(outcome)]
+    if rows := table_rows(sweep, outcome):
+        lines = [*summary_lines(sweep, rows), *lines, *_tables(folder, rows)]
+        lines += [] if outcome.interrupted else _picture(folder, sweep, rows)
     if outcome.interrupted:
         lines.append("stopped; the same command goes on with the rest")
-    elif rows := table_rows(sweep, outcome):
-        lines = [*summary_lines(sweep, rows), *lines, *_written(folder, sweep, rows)]
     places = {id(cell): number for number, cell in enumerate(sweep.cells)}
     settings = [places[id(failure.cell)] for failure in outcome.failures]
     return SweepReport(
@@ -73,18 +75,20 @@ def _counted(outcome: Outcome) -> str:
     )
 
 
-def _written(folder: Path, sweep: Sweep, rows: list[Row]) -> list[str]:
+def _tables(folder: Path, rows: list[Row]) -> list[str]:
     """Write what can be; returns what was written, and what an extra would add."""
     write_csv(folder / "table.csv", rows)
-    lines = [f"wrote {folder / 'table.csv'}"]
+    csv_line = f"wrote {folder / 'table.csv'}"
     try:
         write_parquet(folder / "table.parquet", rows)
-        lines.append(f"wrote {folder / 'table.parquet'}")
     except MissingExtraError as error:
-        lines.append(str(error))
+        return [csv_line, str(error)]
+    return [csv_line, f"wrote {folder / 'table.parquet'}"]
+
+
+def _picture(folder: Path, sweep: Sweep, rows: list[Row]) -> list[str]:
     try:
         draw(folder / "plot.png", sweep, rows)
-        lines.append(f"wrote {folder / 'plot.png'}")
     except MissingExtraError as error:
-        lines.append(str(error))
-    return lines
+        return [str(error)]
+    return [f"wrote {folder / 'plot.png'}"]

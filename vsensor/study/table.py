@@ -77,8 +77,9 @@ def summary_lines(sweep: Sweep, rows: Sequence[Row]) -> list[str]:
     text = [[_word(cell) for cell in line] for line in lines]
     widths = [max(len(line[k]) for line in text) for k in range(len(header))]
     seeds = len(set(sweep.seeds))
+    part = "the finished runs of " * (sum(row["side"] == POOLED for row in rows) < len(sweep.cells))
     return [
-        f"95 % of the lateral error |e| in m, all lines, mean over {seeds} seed{'s' * (seeds > 1)}",
+        f"95 % of the lateral error |e| in m, all lines, mean over {part}{seeds} seed{'s' * (seeds > 1)}",
         *("  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)) for line in text),
     ]
 
