@@ -223,6 +223,70 @@ def test_a_confirmation_that_is_read_a_cycle_later_belongs_to_the_frame_that_was
     assert bus.confirmed() == list(enumerate(stamps))
 
 
+@pytest.fixture
+def at(monkeypatch):
+    """Set the time in ms."""
+
+    def at(time_ms):
+        monkeypatch.setattr(time, "monotonic_ns", lambda: 10**9 + time_ms * 1_000_000)
+        return True
+
+    at(0)
+    return at
+
+
+def heard_of(port, frames=3):
+    port.waiting = [(replace(CLASSIC, due_ns=time.monotonic_ns()), True)] * frames
+
+
+def test_frames_are_held_back_while_the_bus_takes_none_of_those_before(bus, port, said, at):
+    heard_of(port)
+    cycle(bus)
+    taken = [cycle(bus) for k in range(1, 12) if at(40 * k)]
+    assert taken[:4] == [3] * 4
+    assert sum(taken[4:]) <= 1  # what could pile up in the kernel's queue has an end; one frame is tried
+    assert len(said) == 1
+    assert "nobody acknowledges" in said[0]
+
+
+def test_a_bus_that_takes_frames_again_gets_the_next_cycle(bus, port, said, at):
+    heard_of(port)
+    cycle(bus)
+    for k in range(1, 20):
+        at(40 * k)
+        cycle(bus)
+    before = len(port.sent)
+    heard_of(port)
+    at(800)
+    cycle(bus)
+    at(840)
+    assert cycle(bus) == 3
+    assert len(port.sent) - before <= 4
+    assert "is back" in said[1]
+
+
+def test_while_frames_are_held_back_one_is_tried_twice_a_second(bus, port, at):
+    heard_of(port)
+    cycle(bus)
+    tried = [sum(cycle(bus) for k in range(25) if at(1000 * second + 40 * k)) for second in (1, 2, 3, 4)]
+    assert tried[1:] == [2, 2, 2]
+
+
+def test_an_interface_whose_frames_never_come_back_is_never_held(bus, port, at):
+    assert all(cycle(bus) == 3 for k in range(100) if at(40 * k))
+
+
+def test_after_bus_off_nothing_is_waited_for(bus, port, at):
+    heard_of(port)
+    cycle(bus)
+    port.waiting = [(BUS_OFF, False)]
+    bus.drain()
+    assert [cycle(bus) for k in range(1, 50) if at(40 * k)] == [0] * 49
+    port.waiting = [(RESTARTED, False)]
+    bus.drain()
+    assert [cycle(bus) for k in range(50, 53) if at(40 * k)] == [3] * 3
+
+
 def test_frames_that_nobody_read_in_time_are_reported(bus, port):
     port.lost = 17
     assert bus.report() == ["17 frames of others on socketcan:can0 were not read in time"]

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import can
 
 from vsensor.bus.ports import Port, Times
+from vsensor.bus.silence import Silence
 from vsensor.bus.trouble import Outages, reason_of
 from vsensor.types import Frame
 
@@ -36,6 +37,7 @@ class FrameBus:
         self._say: Callable[[str], None] = nobody
         self._outages = Outages(name, lambda text: self._say(text))
         self._bus_off, self._may_mend = False, True
+        self._silence = Silence()
         self._cycle_ns: int | None = None  # when this cycle's first frame was handed over
         self._sent: dict[tuple[int, bool], deque[tuple[int, int]]] = {}  # id, is 29-bit -> its latest frames
         self._confirmed: list[tuple[int, int]] = []
@@ -56,7 +58,7 @@ class FrameBus:
         if self._cycle_ns is None:  # read once a cycle: in a user-mode kernel that takes some 10 us
             self._cycle_ns = time.monotonic_ns()
         try:
-            self._hand_over(frame)
+            self._hand_over(frame, self._cycle_ns)
         except (can.CanError, OSError, ValueError) as problem:
             self.frames_refused += 1
             self._outages.refused(reason_of(problem, self.name.partition(":")[2]), self._cycle_ns)
@@ -84,6 +86,8 @@ class FrameBus:
                     heard.append(frame)
         except (can.CanError, OSError):  # the interface went down: sending tells that, too
             self._bus_off = False
+            self._silence.forget()
+        self._silence.cycle_ends(self._cycle_ns)
         self._outages.cycle_ends(times.now_ns)
         self._may_mend, self._cycle_ns = True, None
         return heard
@@ -112,15 +116,19 @@ class FrameBus:
         """Release the interface; closing twice does no harm."""
         self._port.close()
 
-    def _hand_over(self, frame: Frame) -> None:
+    def _hand_over(self, frame: Frame, now_ns: int) -> None:
         if frame.is_error:
             raise ValueError("an error frame cannot be sent")
         if self._bus_off:  # a controller that is bus-off, or its queue, would send it when it is back
+            self._silence.forget()
             channel = self.name.partition(":")[2]
             raise ValueError(f"controller is bus-off: ip link set {channel} type can restart-ms 100")
+        if self._silence.holds_back(now_ns):
+            raise ValueError("nobody acknowledges: no other node, or another bit rate")
         try:
             self._port.put(frame)
         except (can.CanError, OSError) as problem:
+            self._silence.forget()
             if not self._may_mend:
                 raise
             self._may_mend = False  # once a cycle: no cycle is spent on opening sockets
@@ -139,6 +147,7 @@ class FrameBus:
         self._bus_off = False  # a controller that is bus-off hears nothing
         key = frame.arbitration_id, frame.is_extended
         if is_own:
+            self._silence.comes_back()
             self._confirm(key, frame.due_ns)
             return self._port.hears_itself
         if key in self._sent:
