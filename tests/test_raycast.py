@@ -114,20 +114,18 @@ def test_masks_in_several_pieces_give_the_same_answer(monkeypatch):
     np.testing.assert_array_equal(hidden(EYE, points, boxes, "shadow"), at_once)
 
 
-def test_auto_takes_rays_only_where_many_boxes_are_in_view_or_beside_the_camera(monkeypatch):
-    asked = []
+@pytest.mark.parametrize(
+    ("beside", "ahead", "by_rays"), [(0, 300, 0), (3, 0, 0), (4, 0, 4), (13, 40, 0), (14, 40, 54)]
+)
+def test_auto_takes_rays_only_where_many_of_the_boxes_in_view_reach_beside_the_camera(
+    monkeypatch, beside, ahead, by_rays
+):
+    asked = [0]
     monkeypatch.setattr(solids, "hidden_by_faces", lambda *given: asked.append(len(given[-1].is_front)))
-    monkeypatch.setattr(solids, "EMBREE_FROM_BOXES", 50)
-    ahead = [box(20 + k, 0, size=(0.2, 0.2, 0.2)) for k in range(50)]
-    behind = [box(-20, 0)] * 100
-    beside = [box(5, 3, size=(20, 1, 3))] * solids.EMBREE_FROM_BESIDE
-    points = np.array([[90.0, -1, 0], [90, 1, 3], [10, -9, -1]])
-    hidden(EYE, points, boxes_in(HERE, ahead[1:] + behind))
-    hidden(EYE, points, boxes_in(HERE, beside[1:] + behind))
-    assert asked == []
-    hidden(EYE, points, boxes_in(HERE, ahead + behind))
-    hidden(EYE, points, boxes_in(HERE, beside + behind))
-    assert asked == [50, solids.EMBREE_FROM_BESIDE]
+    around = [box(5, 3, size=(20, 1, 3))] * beside + [box(-20, 0)] * 100
+    front = [box(20 + 0.2 * k, 0, size=(0.1, 0.2, 0.2)) for k in range(ahead)]
+    hidden(EYE, np.array([[90.0, -1, 0], [90, 1, 3], [10, -9, -1]]), boxes_in(HERE, around + front))
+    assert asked[-1] == by_rays
 
 
 @pytest.mark.parametrize("off_m", [0.0, 1e-6, 1e-4])

@@ -76,8 +76,7 @@ def _over_boxes(count: int) -> dict[str, Callable[[], object]]:
     snapshot = ReferenceDrive(boxes=0).advance(None, ticks_at([50])[0], ())[1]
     eye_m, points_m = eye_and_points(snapshot)
     points_m = np.ascontiguousarray(points_m.T).T  # x, y, z apart, as they come from the camera
-    pose, obstacles = world_from_ego(snapshot.ego), scattered(count)
-    pose = Rigid(pose.rotation, np.array(CENTRE_WORLD_M))
+    pose, obstacles = Rigid(np.eye(3), np.array(CENTRE_WORLD_M)), scattered(count)
     boxes = raycast.boxes_in(pose, obstacles)
     triangles = _box_triangles(boxes, eye_m)
     scene, rays = embree.build(triangles), points_m - eye_m

@@ -4,11 +4,10 @@ from vsensor.raycast.boxes import Boxes, boxes_in
 from vsensor.raycast.meshes import mesh_of
 from vsensor.raycast.obstacles import hidden_by_obstacles
 from vsensor.raycast.shadow import FAR_LIMIT
-from vsensor.raycast.solids import EMBREE_FROM_BOXES, Method, hidden
+from vsensor.raycast.solids import Method, hidden
 from vsensor.raycast.surface import hidden_by_surface
 
 __all__ = [
-    "EMBREE_FROM_BOXES",
     "FAR_LIMIT",
     "Boxes",
     "Method",
