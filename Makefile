@@ -11,10 +11,11 @@ BROWSER_PACKAGES = chromium
 PEER_PACKAGES = libusb-1.0-0 libgl1 libegl1 libx11-6 libidn2-0
 DURATION ?= 15
 
-.PHONY: help run vcan install test lint bench clean
+.PHONY: help run vcan ecu install test lint bench clean
 help:
 	@echo "make run      install the core, run the highway scenario for $(DURATION) s"
 	@echo "make vcan     the same on a real vcan, with candump beside it"
+	@echo "make ecu      build the lane keeping ECU and let it steer on a real vcan for $(DURATION) s"
 	@echo "make install  install everything: all extras, Debian packages for vcan, C and browser"
 	@echo "make test     run all tests, those of the bus on a real vcan"
 	@echo "make lint     style, format, types"
@@ -27,6 +28,11 @@ run: .venv/core
 vcan: .venv/core
 	@tools/debian $(VCAN_PACKAGES)
 	tools/vcan tools/show_vcan --duration $(DURATION)
+
+ecu: .venv/core
+	@tools/debian $(VCAN_PACKAGES) $(C_PACKAGES)
+	tools/ecu/build
+	tools/vcan .venv/bin/python -m tools.ecu.closed_loop --seconds $(DURATION)
 
 install: .venv/test
 	@tools/debian $(VCAN_PACKAGES) $(C_PACKAGES) $(BROWSER_PACKAGES)
