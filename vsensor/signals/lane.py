@@ -1,6 +1,7 @@
 """The lane at the front axle, and its virtual centre."""
 
 import math
+from collections.abc import Mapping
 
 from vsensor.signals.vehicle import VehicleConfig
 from vsensor.types import Boundary, EgoState, LaneEstimate, Side
@@ -12,6 +13,10 @@ _CENTRE_MEANS = (
     *("offset_m", "heading", "c2_per_m", "c3_per_m2"),
     *("curvature_per_m", "curvature_rate_per_m2"),
 )
+_CENTRE_NAMES: Mapping[tuple[str, ...], tuple[tuple[str, list[str]], ...]] = {
+    seen: tuple((f"centre.{name}", [f"{word}.{name}" for word in seen]) for name in _CENTRE_MEANS)
+    for seen in (("left",), ("right",), ("left", "right"))
+}
 
 
 def lane_offset_m(boundary: Boundary, x_m: float) -> float:
@@ -79,8 +84,9 @@ def put_centre(values: dict[str, float], vehicle: VehicleConfig) -> None:
     seen = [word for word in ("left", "right") if values[f"{word}.available"]]
     if not seen:
         return
-    for name in _CENTRE_MEANS:
-        values[f"centre.{name}"] = sum(values[f"{word}.{name}"] for word in seen) / len(seen)
+    weight = 1.0 / len(seen)
+    for mean, names in _CENTRE_NAMES[tuple(seen)]:
+        values[mean] = sum([values[name] for name in names]) * weight
     if len(seen) == 1:
         half_m = vehicle.assumed_lane_width_m / 2 * math.hypot(1.0, values["centre.heading"])
         values["centre.offset_m"] += -half_m if seen == ["left"] else half_m
