@@ -27,7 +27,7 @@ def built_ecu() -> Path:
         pytest.skip(reason)
     folder = Path(mkdtemp(prefix="vsensor-ecu-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    environment = dict(os.environ, PYTHON=sys.executable)
+    environment = dict(os.environ, ECU_PYTHON=sys.executable)
     done = subprocess.run(
         [ROOT / "tools" / "ecu" / "build", folder],
         env=environment,

@@ -8,6 +8,7 @@ the trace), how regularly vsensor sent. Exit status 1 where the ECU found an err
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -32,7 +33,8 @@ PERIODS = ("sensor_not_ready", "left_not_available", "right_not_available")
 
 def built(folder: Path) -> Path:
     """Build the ECU into `folder` and return the program; raises CalledProcessError."""
-    subprocess.run([HERE / "build", folder], check=True, stdout=subprocess.DEVNULL)
+    environment = dict(os.environ, ECU_PYTHON=sys.executable)
+    subprocess.run([HERE / "build", folder], check=True, env=environment, stdout=subprocess.DEVNULL)
     return folder / "ecu"
 
 
