@@ -188,11 +188,29 @@ def test_a_line_seen_again_only_far_ahead_is_known_there_and_keeps_its_place():
     assert drive([far], 0.0, SIDES_ONLY)[0][0].sides != {LEFT: 0, RIGHT: 1}
 
 
+def test_a_line_far_ahead_that_the_turning_vehicle_places_elsewhere_is_known_where_it_is_seen():
+    far = line(1.75, x_min_m=30.0)
+    state = drive([(far,)] * 3, 0.0, CONFIG)[1]
+    after, _ = assign(
+        CONFIG, state, (sighting(far),), ego(20.0, 0.08), tick(3)
+    )  # its path is 1.8 m aside there
+    assert [track.number for track in after.tracks] == [0]
+
+
+def test_a_line_that_is_not_seen_is_expected_where_its_polynomial_leads():
+    bend = line(1.75, 0.0, 1.0 / 200.0)
+    _, state = drive(
+        [(bend,)] * 3 + [()] * 25, 20.0, CONFIG
+    )  # 20 m straight on: the line goes off to the left
+    assert state.tracks[0].position_m == pytest.approx(1.75 + 20.0**2 / 200.0, abs=1e-6)
+
+
 def test_a_predicted_line_ends_where_a_confirmed_one_is_seen_in_its_place():
-    images = [*[(line(1.0),)] * 3, *[(line(2.1),)] * 5]  # beyond the gate, later within the grown one
-    found, state = drive(images, 0.0, replace(CONFIG, gate_m=1.05, min_separation_m=1.2))
+    images = [*[(line(1.0),)] * 3, *[(line(2.05),)] * 3, (line(1.95),)]  # beyond the gate, then within
+    found, state = drive(images, 0.0, CONFIG)
+    assert len(found[-2].boundaries) == 2
     assert found[-1].sides == {LEFT: 0}
-    assert len(state.tracks) == 1
+    assert len(state.tracks) == len(found[-1].boundaries) == 1
 
 
 # --- lane changes -----------------------------------------------------------------------------------

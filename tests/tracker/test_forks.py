@@ -77,7 +77,9 @@ def test_where_the_road_widens_the_line_that_goes_on_with_the_path_takes_the_pla
 def test_of_two_lines_that_begin_at_one_place_ahead_the_one_that_follows_the_path_is_the_own_one():
     for order in ((0, 1, 2), (0, 2, 1), (2, 0, 1)):
         fits = [straight(1.75, 0.0), straight(-1.75, 60.0, 70.0), leaving(-1.75, 60.0, 70.0)]
-        sides = drive([[fits[k] for k in order]], SPEED_MPS, SIDES_ONLY)[0][0].sides
+        found, state = drive([[fits[k] for k in order]], SPEED_MPS, SIDES_ONLY)
+        sides = found[0].sides
+        assert [track.position_m for track in state.tracks][:2] == pytest.approx([1.75, -1.75])
         assert {side: order[k] for side, k in sides.items()} == {LEFT: 0, RIGHT: 1, NEXT_RIGHT: 2}
 
 
@@ -129,3 +131,11 @@ def test_near_a_fork_each_line_keeps_its_own_number_though_they_lie_side_by_side
     by_position = [track.number for track in sorted(state.tracks, key=lambda track: -track.position_m)]
     assert by_position == [0, 1, 2]
     assert np.diff([track.position_m for track in state.tracks]).max() < 0.0
+
+
+def test_two_lines_that_lie_side_by_side_are_told_apart_by_where_they_go():
+    on, off = line(-1.75), line(-2.15, 0.0, -0.005)
+    jumped = line(-2.1), line(-1.78, 0.0, -0.005)  # each where the other one was
+    _, state = drive([(on, off)] * 3 + [jumped], 0.0, CONFIG)
+    last = {track.number: track.last.fit for track in state.tracks}
+    assert last == {0: jumped[0], 1: jumped[1]}

@@ -77,10 +77,8 @@ def _seen(
     assert sighting is not None
     position_m = line.position_m
     near_ns = t_ns if line.is_near else known.near_ns if known else -1
-    if known and not line.is_near and 0 <= t_ns - near_ns <= config.coast_s * 1e9 and near_ns >= 0:
-        position_m = (
-            known.position_m
-        )  # where it was read beside the vehicle, moved: better than from far ahead
+    if known and not line.is_near and near_ns >= 0 and t_ns - near_ns <= config.coast_s * 1e9:
+        position_m = known.position_m  # read beside the vehicle and moved: better than from far ahead
     images = min(known.images + 1 if known else 1, config.confirm_images)
     return Track(
         number=known.number if known else next_number,
