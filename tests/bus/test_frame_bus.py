@@ -93,15 +93,25 @@ def test_frames_that_were_refused_are_not_sent_later(bus, port):
     assert len(port.sent) == 2
 
 
-def test_a_cycle_that_is_refused_in_part_does_not_end_an_outage(bus, port, said):
+@pytest.mark.parametrize("problems", [(None, FULL), (FULL, None)], ids=["its end", "its beginning"])
+def test_a_cycle_that_is_refused_in_part_does_not_end_an_outage(bus, port, said, problems):
     port.problem = FULL
     cycle(bus)
     for _ in range(3):
-        port.problem = None
-        bus.send(CLASSIC)
-        port.problem = FULL
-        cycle(bus, frames=1)
+        for port.problem in problems:
+            bus.send(CLASSIC)
+        bus.drain()
     assert len(said) == 1
+
+
+def test_every_outage_has_its_own_count_of_frames(bus, port, said):
+    for frames in (5, 2):
+        port.problem = FULL
+        cycle(bus, frames=frames)
+        port.problem = None
+        cycle(bus)
+    assert "5 frames refused" in said[1]
+    assert "2 frames refused" in said[3]
 
 
 def test_the_report_is_one_line_with_frames_outages_and_reasons(bus, port):

@@ -5,6 +5,7 @@ import pytest
 
 from tests.bus_frames import ALL, CLASSIC, FD, content
 from vsensor.bus import Times, open_bus, to_message, wire
+from vsensor.bus.ports import PythonCanPort
 from vsensor.types import Frame
 
 
@@ -72,10 +73,22 @@ def test_socket_form_is_read_back_as_the_same_frame(frame):
     assert wire.from_wire(wire.to_wire(frame), frame.due_ns) == frame
 
 
-def test_the_class_of_an_error_frame_becomes_its_id():
-    bus_off = (0x20000040).to_bytes(4, sys.byteorder) + b"\x08\0\0\0" + bytes(8)
-    read = wire.from_wire(bus_off, 7)
-    assert (read.is_error, read.arbitration_id, read.due_ns) == (True, 0x40, 7)
+@pytest.mark.parametrize("classes", [0x40, 0x1FFFFFFF])
+def test_the_classes_of_an_error_frame_become_its_id(classes):
+    data = (0x20000000 | classes).to_bytes(4, sys.byteorder) + b"\x08\0\0\0" + bytes(8)
+    read = wire.from_wire(data, 7)
+    assert (read.is_error, read.arbitration_id, read.due_ns) == (True, classes, 7)
+
+
+@pytest.mark.parametrize(("is_virtual", "patience_s"), [(True, 0.0), (False, None)])
+def test_sending_waits_for_nobody_on_a_virtual_bus(is_virtual, patience_s):
+    class Bus:
+        def send(self, message, timeout):
+            self.timeout = timeout
+
+    bus = Bus()
+    PythonCanPort(bus, hears_itself=is_virtual).put(CLASSIC)
+    assert bus.timeout == patience_s
 
 
 @pytest.mark.parametrize(

@@ -101,6 +101,18 @@ def test_a_slot_that_is_more_than_half_a_period_late_is_dropped_with_all_its_gro
     assert outbox.groups_dropped == 0
 
 
+def test_a_delayed_frame_of_an_earlier_slot_leaves_although_a_later_slot_is_dropped():
+    slots = [[frame(1, 0), frame(9, 70)], [frame(1, 40), frame(2, 75)], [frame(1, 80)]]
+    bus, _, late = run(slots, Clock(stall_at_ns=40 * MS, stall_ns=21 * MS))
+    assert bus.sent == [(1, 0.0), (9, 70.0), (1, 80.0)]
+    assert late == [0.0, None, 0.0]
+
+
+def test_the_latency_is_that_of_the_earliest_frame_so_far():
+    bus, _, _ = run([[frame(1, 30)], [frame(1, 40), frame(9, 105)], [frame(1, 80)]])
+    assert bus.sent == [(1, 30.0), (1, 40.0), (1, 80.0), (9, 105.0)]
+
+
 def test_a_slot_that_is_half_a_period_late_is_sent():
     bus, _, late = run([[frame(1, 0)], [frame(1, 40)]], Clock(stall_at_ns=0, stall_ns=20 * MS))
     assert (bus.sent, late) == ([(1, 20.0), (1, 40.0)], [20.0, 0.0])
