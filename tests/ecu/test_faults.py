@@ -92,6 +92,10 @@ CASES = {
         stream(IMAGES, lambda index: lane(min(index, 29) if index < 35 else index)),
         {"image_frozen": 5},
     ),
+    "only the index of the image frozen": (
+        stream(IMAGES, overridden(range(30, 35), image__index=29)),
+        {"image_frozen": 5},
+    ),
     "only the time of the image frozen": (
         stream(IMAGES, overridden(range(31, 35), image__timestamp_ms=30 * 40.0)),
         {"image_frozen": 4},
