@@ -7,12 +7,12 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from tools.bench import codec, drives, frontier, growth, peers, pictures, reference, timing
+from tools.bench import codec, drives, frontier, growth, loop, peers, pictures, reference, timing
 from tools.bench.measure import ROOT, machine
 from tools.bench.report import markdown
 
 SECTIONS = (
-    *("demo", "fast", "encoding", "decoding", "vcan", "timing"),
+    *("demo", "fast", "encoding", "decoding", "vcan", "loop", "timing"),
     *("reference", "frontier", "growth", "memory", "hard"),
 )
 
@@ -42,6 +42,7 @@ def main(words: list[str] | None = None) -> int:
         "demo": ("demo_tick", drives.demo_tick),
         "fast": ("fast", drives.fast_ratio),
         "vcan": ("vcan", lambda: drives.on_vcan(arguments.seconds)),
+        "loop": ("closed_loop", loop.closed_loop),
         "encoding": ("encoding", codec.encoding),
         "decoding": ("decoding", codec.decoding),
         "timing": (

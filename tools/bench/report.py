@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tools.bench import report_timing
+from tools.bench import loop, report_timing
 from tools.bench.tables import table
 
 Report = Mapping[str, Any]
@@ -200,6 +200,7 @@ TARGETS = {
     "encoding": report_timing.encoding,
     "decoding": report_timing.decoding,
     "vcan": _vcan,
+    "closed_loop": loop.targets,
     "timing": report_timing.timing,
     "reference": _reference,
     "occlusion": _occlusion,
