@@ -54,3 +54,26 @@ def hidden(origin, points, boxes):
             meeting = points + u * s[:, None]  # eq. 2.15
             result |= crosses & is_in_rectangle(meeting - corner, v1, v2)
     return result
+
+
+def on_image_plane(points, focal):
+    """Return u, v on the image plane of points (N, 3), eq. 2.16, 2.17 with the sign of 2.23."""
+    x, y, z = points.T
+    return -x * focal / z, -y * focal / z
+
+
+def is_in_region(u, v, half_width, half_height):
+    """Return which points of the image plane are in the image, eq. 2.18."""
+    return (-half_width <= u) & (u <= half_width) & (-half_height <= v) & (v <= half_height)
+
+
+def cell(u, v, half_width, half_height, columns, rows):
+    """Return the place in the image matrix of eq. 2.19, 2.20 before they round: 0 is the left edge."""
+    return (u + half_width) / (2 * half_width) * columns, (1 - (v + half_height) / (2 * half_height)) * rows
+
+
+def from_cell(n, m, z, focal, half_width, half_height, columns, rows):
+    """Return the points (N, 3) of places in the image matrix at depth z < 0, eq. 2.21-2.23."""
+    u = 2 * n * half_width / columns - half_width
+    v = 2 * half_height * (1 - m / rows) - half_height
+    return np.column_stack([-u * z / focal, -v * z / focal, z])

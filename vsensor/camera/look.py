@@ -97,7 +97,7 @@ def _look(
         return codes, points.take(seen, axis=1), np.zeros(len(seen))
     pixels = pixels.T.take(seen, axis=1)
     if config.pixel_grid:
-        pixels = np.rint(pixels)
+        pixels = np.rint(pixels)  # P1 eq. 2.19, 2.20, a pixel's centre at integers
     appearing, sigma, found = back_to_road(camera, to_camera, pixels, optical[2].take(seen))
     if found is not None:
         codes[seen[~found]] = Unseen.BEYOND_SIGHT

@@ -129,14 +129,14 @@ def normalised(camera: Camera, pixels: Array) -> tuple[Array, Array]:
 def unproject(camera: Camera, pixels: Array, depth_m: Array) -> Array:
     """Return points (N, 3) in the optical frame of pixels (N, 2) with the true depth (N,), exact.
 
-    The inverse of `project` (P1 eq. 2.23 with the errata's frame).
+    The inverse of `project` (P1 eq. 2.21-2.23 with the errata's frame).
     """
     x, y = normalised(camera, pixels)
     return np.array((x * depth_m, y * depth_m, depth_m)).T
 
 
 def in_image(camera: Camera, pixels: Array) -> BoolArray:
-    """Return which pixels (N, 2) lie in the image, the left and upper edge included; NaN does not."""
+    """Return which pixels (N, 2) lie in the image (P1 eq. 2.18), left and upper edge included; not NaN."""
     u, v = pixels.T
     inside: BoolArray = (u >= -0.5) & (u < camera.config.width_px - 0.5)
     inside &= (v >= -0.5) & (v < camera.config.height_px - 0.5)
