@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 @cache
 def built_ecu() -> Path:
     """Build the ECU once per test process and return its folder; it goes when the process ends."""
-    if not shutil.which("cc"):
+    if not (shutil.which("gcc") or shutil.which("cc")):
         reason = "needs a C compiler: apt-get install gcc libc6-dev"
         if os.environ.get("CI"):
             pytest.fail(reason, pytrace=False)
