@@ -3,8 +3,15 @@
 import os
 
 import pytest
+from hypothesis import settings
 
 from vsensor.bus import NETWORK_INTERFACES
+
+# At a desk hypothesis looks for new counterexamples; in CI the same ones are tried every time, and a slow
+# machine is no failure.
+settings.register_profile("ci", derandomize=True, deadline=None)
+settings.register_profile("desk", deadline=None)
+settings.load_profile("ci" if os.environ.get("CI") else "desk")
 
 
 def pytest_runtest_setup(item):

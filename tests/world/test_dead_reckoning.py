@@ -38,10 +38,10 @@ def test_constant_inputs_give_the_circle_exactly(speed, rate, step_ns):
     path = integrated(t_ns, np.full(200, speed), np.full(200, rate))
     turn = rate * t_ns / 1e9
     x = speed / rate * np.sin(turn) if rate else speed * t_ns / 1e9
-    y = speed / rate * (1.0 - np.cos(turn)) if rate else 0.0 * turn
-    rounding_m = 1e-11 * speed * t_ns[-1] / 1e9 + 1e-9 / max(abs(rate), 1.0) + 1e-7 * (0 < abs(rate) < 1e-6)
-    np.testing.assert_allclose(path.x_m, x, rtol=0, atol=rounding_m + 1e-9)
-    np.testing.assert_allclose(path.y_m, y, rtol=0, atol=rounding_m + 1e-7)
+    y = 2.0 * speed / rate * np.sin(turn / 2.0) ** 2 if rate else 0.0 * turn
+    rounding_m = 1e-11 * speed * t_ns[-1] / 1e9 + 1e-9
+    np.testing.assert_allclose(path.x_m, x, rtol=0, atol=rounding_m)
+    np.testing.assert_allclose(path.y_m, y, rtol=0, atol=rounding_m)
     np.testing.assert_allclose(path.s_m, speed * t_ns / 1e9, rtol=1e-12)
 
 
