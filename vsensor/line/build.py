@@ -1,0 +1,90 @@
+"""A scenario loaded and compiled into a line."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import isfinite
+from typing import Any, cast
+
+from vsensor.config import Scenario, ScenarioConfig
+from vsensor.errors import ConfigError
+from vsensor.line.compute import Line
+from vsensor.profile import load_profile
+from vsensor.sensor import Sensor
+from vsensor.sources import LOG_SUFFIXES, Source
+from vsensor.sources.drive import RecordedDrive
+from vsensor.sources.live import LiveDrive
+from vsensor.sources.map_drive import MapDrive
+from vsensor.transmit import Transmitter
+
+
+def build_line(scenario: Scenario) -> Line:
+    """Load and compile everything that a scenario names; raises VsensorError subclasses."""
+    config = scenario.config
+    profile = load_profile(*_profile_files(scenario))
+    with _named(scenario):
+        source = build_source(scenario)
+        sensor = Sensor.of(config.sensor(), config.seed, scenario.folder)
+    return Line(
+        source=source,
+        sensor=sensor,
+        vehicle=config.vehicle,
+        state_config=config.state,
+        transmitter=Transmitter(profile, config.vehicle, config.camera.position_m[0]),
+        latency_ns=round(config.output.latency_ms * 1_000_000),
+    )
+
+
+@contextmanager
+def _named(scenario: Scenario) -> Iterator[None]:
+    """Put the scenario's file before a mistake that names only the key."""
+    try:
+        yield
+    except ConfigError as error:
+        if scenario.path is None or str(error).startswith(str(scenario.path)):
+            raise
+        raise ConfigError(f"{scenario.path}: {error}") from None
+
+
+def build_source(scenario: Scenario) -> Source:
+    """Open the map or the log that the scenario drives on."""
+    config, path = scenario.config, scenario.source
+    if not path.is_file():
+        raise ConfigError(f"{scenario.path or 'source'}: source = {config.source!r}: no such file {path}")
+    environment = config.environment.environment()
+    reach_m = config.scene.range_m
+    if path.suffix.lower() in LOG_SUFFIXES:
+        _require_lane(config)
+        return RecordedDrive.load(path, config.drive, config.road, scenario.folder, environment, reach_m)
+    drive = MapDrive.load(
+        path, config.ego, config.traffic, environment, reach_m, config.obstacle, scenario.folder
+    )
+    if config.ego.control == "lane" and not config.listen.profiles:
+        return drive
+    wheelbase_m = config.vehicle.wheelbase_m
+    return LiveDrive.load(drive, config.ego, config.listen, config.dynamics, wheelbase_m, scenario.folder)
+
+
+def _require_lane(config: ScenarioConfig) -> None:
+    """Raise ConfigError where a recorded drive is told to listen."""
+    if config.ego.control != "lane":
+        raise ConfigError(f'ego.control = "{config.ego.control}": a map as source was expected')
+    if config.listen.profiles:
+        raise ConfigError("listen.profile: a recorded drive listens to nothing; a map as source was expected")
+
+
+def tick_count(scenario: Scenario, source: Source) -> int | None:
+    """Return the number of slots of a run: the scenario's duration or the drive's; None = for ever."""
+    seconds = scenario.config.duration_s
+    if seconds is None:
+        seconds = source.duration_s
+    if not isfinite(seconds):
+        return None
+    return max(1, round(seconds * 1000 / scenario.config.cycle_ms))
+
+
+def _profile_files(scenario: Scenario) -> tuple[Any, Any]:
+    output = scenario.config.output
+    name = output.profile
+    if name.endswith(".toml"):
+        return scenario.file(name), scenario.file(output.dbc) if output.dbc else None
+    return name, cast(Any, scenario.file(output.dbc) if output.dbc else None)
