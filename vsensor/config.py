@@ -8,6 +8,7 @@ import msgspec
 from vsensor.camera import CameraConfig
 from vsensor.error_model import ErrorModelConfig
 from vsensor.errors import ConfigError
+from vsensor.faults import FaultConfig
 from vsensor.image import ImageConfig
 from vsensor.lanefit import LaneFitConfig
 from vsensor.motion import MotionConfig
@@ -72,6 +73,7 @@ class ScenarioConfig(Config, frozen=True, kw_only=True):
     state: StateConfig = StateConfig()
     image: ImageConfig = ImageConfig()
     output: BusConfig = BusConfig()
+    fault: tuple[FaultConfig, ...] = ()
 
     def sensor(self) -> SensorConfig:
         """Return the sections that make up the sensor."""

@@ -7,6 +7,7 @@ from typing import Any, cast
 
 from vsensor.config import Scenario, ScenarioConfig
 from vsensor.errors import ConfigError
+from vsensor.faults import faults_of
 from vsensor.line.compute import Line
 from vsensor.profile import load_profile
 from vsensor.sensor import Sensor
@@ -24,6 +25,7 @@ def build_line(scenario: Scenario) -> Line:
     with _named(scenario):
         source = build_source(scenario)
         sensor = Sensor.of(config.sensor(), config.seed, scenario.folder)
+        timeline = faults_of(config.fault, profile)
     return Line(
         source=source,
         sensor=sensor,
@@ -31,6 +33,7 @@ def build_line(scenario: Scenario) -> Line:
         state_config=config.state,
         transmitter=Transmitter(profile, config.vehicle, config.camera.position_m[0]),
         latency_ns=round(config.output.latency_ms * 1_000_000),
+        timeline=timeline,
     )
 
 

@@ -7,7 +7,14 @@ Other messages are sent when they change, or while they are active: see schedule
 
 from vsensor.transmit.encode import Encoder
 from vsensor.transmit.schedule import Happening, MessageState, common_ns, is_due, slot_period_ns, step
-from vsensor.transmit.stage import TransmitState, Transmitter, initial_state, transmit, transmit_image
+from vsensor.transmit.stage import (
+    TransmitState,
+    Transmitter,
+    initial_state,
+    restarted,
+    transmit,
+    transmit_image,
+)
 
 __all__ = [
     "Encoder",
@@ -18,6 +25,7 @@ __all__ = [
     "common_ns",
     "initial_state",
     "is_due",
+    "restarted",
     "slot_period_ns",
     "step",
     "transmit",

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from vsensor.codec import Layout, SignalLayout, excess_range, float_bits, pack
 from vsensor.errors import ConfigError, DbcError
+from vsensor.faults import Spoiler
 from vsensor.profile import Binding, FrameKey, MessagePlan, Page, Profile
 from vsensor.transmit.rounding import WIDEST_EXACT_BITS, Rounding
 from vsensor.types import Frame, SensorMode, SignalValues
@@ -89,21 +90,28 @@ class Encoder:
         return raws, saturated
 
     def frames(
-        self, due: Iterable[int], raws: Sequence[int], counters: Sequence[int], due_ns: int
+        self,
+        due: Iterable[int],
+        raws: Sequence[int],
+        counters: Sequence[int],
+        due_ns: int,
+        spoiler: Spoiler | None = None,
     ) -> tuple[list[Frame], tuple[int, ...]]:
         """Return the frames of the messages `due` (places in the profile), in order, and the counters after.
 
         `counters`: of each message of the profile, how many frames of it were sent before; the alive counter
-        is that modulo its states.
+        is that modulo its states, unless the faults of `spoiler` give it another.
         """
         after = list(counters)
         sent: list[tuple[MessagePlan, FrameKey, int, bytearray]] = []
         for place in due:
             message = self.messages[place]
             for page in message.next_pages(after[place]):
-                payload = _payload(page, message.plan, raws)
-                _protect(message.plan, payload, after[place])
-                sent.append((message.plan, page.key, after[place], payload))
+                payload, count = _payload(page, message.plan, raws), after[place]
+                if spoiler is not None:
+                    count = spoiler.before_protection(place, page.key[1], payload, count)
+                _protect(message.plan, payload, count)
+                sent.append((message.plan, page.key, count, payload))
                 after[place] += 1
         if self.bursts:
             self._seal(sent)

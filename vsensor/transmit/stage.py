@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from vsensor.codec import to_physical, unpack
+from vsensor.faults import NOT_SPOILED, Running, Spoiled, Spoiler
 from vsensor.profile import MessagePlan, Profile
 from vsensor.signals import VehicleConfig, to_bus
 from vsensor.transmit.encode import Encoder
@@ -17,12 +18,14 @@ class TransmitState:
     """Frames sent of each message and of all, and how often each signal was saturated.
 
     `messages`: what those remember that more than time sends, in the order of `Transmitter.eventful`.
+    `spoiled`: what faults have done so far; frames that they took away are not counted as sent.
     """
 
     counters: tuple[int, ...]
     frames: int
     saturated: Mapping[str, int]
     messages: tuple[MessageState, ...] = ()
+    spoiled: Spoiled = NOT_SPOILED
 
 
 class Transmitter:
@@ -60,6 +63,13 @@ def initial_state(transmitter: Transmitter) -> TransmitState:
     )
 
 
+def restarted(transmitter: Transmitter, state: TransmitState) -> TransmitState:
+    """Return the state of a sender that starts anew: as before the first frame, but for what is counted."""
+    fresh = initial_state(transmitter)
+    spoiled = replace(state.spoiled, shifts={}, waiting=())
+    return replace(fresh, frames=state.frames, saturated=state.saturated, spoiled=spoiled)
+
+
 def transmit(
     transmitter: Transmitter, state: TransmitState, values: SignalValues, slot: Tick
 ) -> tuple[TransmitState, tuple[Frame, ...]]:
@@ -68,27 +78,40 @@ def transmit(
 
 
 def transmit_image(
-    transmitter: Transmitter, state: TransmitState, values: SignalValues, tick: Tick
+    transmitter: Transmitter,
+    state: TransmitState,
+    values: SignalValues,
+    tick: Tick,
+    faults: Sequence[Running] = (),
 ) -> tuple[TransmitState, tuple[Frame, ...]]:
     """Return the frames of all send slots from this image to the next, in order, each due at its slot.
 
     `tick` is the image's; the slots divide its period (Transmitter.slot_period_ns). The same frames as of
-    `transmit` slot by slot with the same values.
+    `transmit` slot by slot with the same values, as `faults` change them.
     """
-    period_ns = transmitter.slot_period_ns(tick.period_ns)
-    slots, image, frames = tick.period_ns // period_ns, _Image(transmitter, values), list[Frame]()
+    spoiler = None
+    if faults or not state.spoiled.is_nothing:
+        spoiler = Spoiler(faults, state.spoiled, transmitter.profile.messages)
+        spoiler.begin(tick.t_ns)
+    before, period_ns = state.frames, transmitter.slot_period_ns(tick.period_ns)
+    slots, image, frames = tick.period_ns // period_ns, _Image(transmitter, values, spoiler), list[Frame]()
     for k in range(slots):
         slot = Tick(index=tick.index * slots + k, t_ns=tick.t_ns + k * period_ns, period_ns=period_ns)
         state, sent = _send(transmitter, state, image, slot)
         frames += sent
-    return state, tuple(frames)
+    if spoiler is None:
+        return state, tuple(frames)
+    spoiled, leaving = spoiler.end(tick)
+    return replace(state, frames=before + len(leaving), spoiled=spoiled), leaving
 
 
 class _Image:
     """The values of one image, encoded once, when the first slot asks."""
 
-    def __init__(self, transmitter: Transmitter, values: SignalValues) -> None:
-        self._transmitter, self._values = transmitter, values
+    def __init__(
+        self, transmitter: Transmitter, values: SignalValues, spoiler: Spoiler | None = None
+    ) -> None:
+        self._transmitter, self._values, self.spoiler = transmitter, values, spoiler
         self._raws: list[int] | None = None
         self._saturated: list[str] = []
         self._happenings: tuple[Happening, ...] | None = None
@@ -111,10 +134,16 @@ class _Image:
         if self._happenings is None:
             sender = self._transmitter
             self._happenings = tuple(
-                _happening(sender.profile.messages[k], sender.encoder.contents(k, self.raws()), self._values)
+                _happening(sender.profile.messages[k], self._contents(k), self._values)
                 for k in sender.eventful
             )
         return self._happenings
+
+    def _contents(self, place: int) -> tuple[bytes, ...]:
+        pages = self._transmitter.encoder.contents(place, self.raws())
+        if self.spoiler is None:
+            return pages
+        return tuple(self.spoiler.content(place, page, data) for page, data in enumerate(pages))
 
 
 def _send(
@@ -131,12 +160,17 @@ def _send(
     due.sort()
     if not due:
         return (state if messages == state.messages else replace(state, messages=messages)), ()
-    frames, counters = transmitter.encoder.frames(due, image.raws(), state.counters, slot.t_ns)
+    if image.spoiler is not None:
+        image.spoiler.begin(slot.t_ns)
+    frames, counters = transmitter.encoder.frames(due, image.raws(), state.counters, slot.t_ns, image.spoiler)
+    if image.spoiler is not None:
+        image.spoiler.after_protection(frames)
     after = TransmitState(
         counters=counters,
         frames=state.frames + len(frames),
         saturated=_counted(state, image.saturated()),
         messages=messages,
+        spoiled=state.spoiled,
     )
     return after, tuple(frames)
 
