@@ -1,9 +1,9 @@
 """The loop: compute ahead of the slot, let the frames go when they are due, hand the output to the sinks."""
 
-from vsensor.runner.loop import run_loop
+from vsensor.runner.loop import Control, Loop, run_loop
 from vsensor.runner.outbox import FrameBus
 from vsensor.runner.stopwatch import STAGES, Stopwatch
 from vsensor.runner.summary import Summary
 from vsensor.runner.timing import Samples, Timing
 
-__all__ = ["STAGES", "FrameBus", "Samples", "Stopwatch", "Summary", "Timing", "run_loop"]
+__all__ = ["STAGES", "Control", "FrameBus", "Loop", "Samples", "Stopwatch", "Summary", "Timing", "run_loop"]

@@ -89,6 +89,10 @@ class Outbox:
                 self._send(group, late_ns)
         return lateness_ns
 
+    def starts_at(self, start_ns: int) -> None:
+        """Take `start_ns` as the clock's time of slot 0 from now on."""
+        self._start_ns = start_ns
+
     def taken_away(self) -> tuple[Frame, ...]:
         """Return the frames that the bus took since the last call, in their order."""
         gone, self._gone = tuple(self._gone), []
