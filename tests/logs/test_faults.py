@@ -29,8 +29,6 @@ def write(path, count: int, fd: bool = False):
 
 @pytest.fixture(params=[".log", ".asc", ".blf", ".mf4"])
 def suffix(request):
-    if request.param == ".mf4":
-        pytest.importorskip("asammdf")
     return request.param
 
 

@@ -36,8 +36,6 @@ def table_of(records: list[Record]) -> LogTable:
 
 @pytest.fixture(params=SUFFIXES)
 def suffix(request):
-    if request.param == ".mf4":
-        pytest.importorskip("asammdf")
     return request.param
 
 

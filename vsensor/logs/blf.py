@@ -22,12 +22,12 @@ from vsensor.logs.table import (
     CLASSIC_BYTES,
     FD_LENGTHS,
     MAX_EXTENDED_ID,
-    MAX_STANDARD_ID,
     Columns,
     Flag,
     Record,
     columns_from,
     joined,
+    possible,
 )
 
 _FILE_HEADER_BYTES = 72
@@ -141,11 +141,9 @@ def _frames(block: bytes, start_ns: int, notes: Notes) -> tuple[Columns, int]:
         raise _Broken("no object where one was expected")
     columns = _classic(block, classic, stamps, notes)
     columns = _merged(columns, order, others) if others else columns
-    possible = (columns.flags & Flag.EXTENDED != 0) | (columns.arbitration_id <= MAX_STANDARD_ID)
-    if not possible.all():
-        first = int(columns.arbitration_id[~possible][0])
-        notes.impossible(int(np.count_nonzero(~possible)), f"id 0x{first:X} in 11 bits")
-        columns = columns.taken(possible)
+    good = possible(columns, notes)
+    if not good.all():
+        columns = columns.taken(good)
     return columns, position
 
 

@@ -1,181 +1,368 @@
-"""MDF 4 (.mf4) with CAN bus logging, read and written in bulk by asammdf (an extra).
+"""Reads CAN bus logging in MDF 4 (.mf4), chunk by chunk; nothing but numpy, no more than a chunk in memory.
 
-Frames stand in the channel groups CAN_DataFrame, CAN_RemoteFrame and CAN_ErrorFrame of the ASAM bus
-logging standard; times are float64 seconds since the file's start time (1e-9 s up to some 90 days).
+Own reader: asammdf reads whole files, and files with flipped bytes ended the whole process in its C code.
+Frames stand in channel groups CAN_DataFrame, CAN_RemoteFrame, CAN_ErrorFrame (ASAM bus logging standard),
+each a table of records of fixed size; the tables are merged by time:
+
+    DG data group ── CG channel group ── CN channels: where each field lies in a record
+     └ data blocks                          └ cn_data: bytes of variable length (u32 length, bytes)
+    unsorted: several CG share one DG, each record begins with the number of its group
 """
 
-import logging
+import math
+import struct
 from collections.abc import Iterator
-from datetime import UTC, datetime, timedelta
-from pathlib import Path
+from dataclasses import dataclass, field, replace
 from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vsensor.errors import MissingExtraError
+from vsensor.logs.mf4_blocks import Block, Blocks, BrokenError, Data
+from vsensor.logs.mf4_unsorted import Whole, split_records
 from vsensor.logs.report import Notes
-from vsensor.logs.table import CLASSIC_BYTES, FD_BYTES, Columns, Flag, joined
+from vsensor.logs.table import CLASSIC_BYTES, FD_BYTES, Columns, Flag, joined, possible
 
-_GROUPS = {"CAN_DataFrame": 0, "CAN_RemoteFrame": int(Flag.REMOTE), "CAN_ErrorFrame": int(Flag.ERROR)}
-_BITS = {"EDL": Flag.FD, "BRS": Flag.BITRATE_SWITCH, "ESI": Flag.ERROR_STATE, "Dir": Flag.TRANSMITTED}
+CHUNK = 1 << 16
+GROUPS = {"CAN_DataFrame": 0, "CAN_RemoteFrame": int(Flag.REMOTE), "CAN_ErrorFrame": int(Flag.ERROR)}
+"""Name of a channel group -> flags of all its frames."""
+BITS = {"EDL": Flag.FD, "BRS": Flag.BITRATE_SWITCH, "ESI": Flag.ERROR_STATE, "Dir": Flag.TRANSMITTED}
+DLC_BYTES = np.array((0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64))
+_CHANNEL = struct.Struct("<4B2L")  # type, sync type, data type, bit in the byte, byte, bits
+_GROUP = struct.Struct("<QQ8xLL")  # record id, records, data bytes, invalidation bytes
+_VARIABLE, _MASTER, _VIRTUAL_MASTER = 1, 2, 3
+_UNSIGNED, _SIGNED, _REAL = (0, 1), (2, 3), (4, 5)  # little- and big-endian
+_FEWEST_SECONDS, _MOST_SECONDS = -4e9, 9e9  # of a time since the start that fits into int64 ns with it
 
 
-def require_asammdf() -> Any:
-    """Return the module; raises MissingExtraError where it is not installed."""
-    try:
-        import asammdf
-    except ImportError:
-        raise MissingExtraError("asammdf", "mf4", "an MF4 log") from None
-    return asammdf
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a channel lies in a record."""
+
+    kind: int
+    data_type: int
+    bit: int
+    byte: int
+    bits: int
+    data_link: int
+    scale: tuple[float, float]  # offset, factor
+
+
+@dataclass(slots=True)
+class Table:
+    """A channel group of CAN frames and the bytes of its records."""
+
+    prefix: str
+    record_id: int
+    count: int
+    size: int
+    time: Place
+    fields: dict[str, Place]
+    records: Data | Whole
+    variable: Data | Whole | None = None
+    faults: list[str] = field(default_factory=list[str])
 
 
 def read_mf4(stream: BinaryIO, notes: Notes) -> Iterator[Columns]:
-    """Yield all CAN frames of the file in order of time, as one run; a fault is kept in `notes`.
-
-    Raises MissingExtraError without asammdf. A file with flipped bytes can end the whole process: seen
-    in asammdf 8.8's C code (heap corruption in get_master), where no exception comes that could be caught.
-    """
-    asammdf = require_asammdf()
-    logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # it prints what is raised here anyway
-    if stream.read(3) not in (b"MDF", b"UnF"):
-        notes.fault = 'not an MDF file: it does not begin with "MDF"'
-        return
-    stream.seek(0)
+    """Yield all CAN frames of the file in order of time, in runs; a fault is kept in `notes`."""
     try:
-        mdf = asammdf.MDF(stream, process_bus_logging=False)
-    except Exception as error:  # asammdf has no exception of its own for a broken file: any type comes
-        notes.fault = f"not a readable MDF file: {type(error).__name__}: {error}"
+        blocks = Blocks(stream)
+        start_ns, tables = _tables(blocks, notes)
+    except BrokenError as error:
+        notes.fault = str(error)
         return
-    parts: list[Columns] = []
-    try:
-        for index, group in enumerate(mdf.groups):
-            parts += _group(mdf, index, group, notes)
-    except Exception as error:  # as above, in the data blocks
-        notes.fault = f"damaged in its data: {type(error).__name__}: {error}"
-    finally:
-        mdf.close()
-    if not parts and notes.fault is None:
+    if not tables and notes.fault is None:
         notes.fault = "the file holds no CAN bus logging"
-    columns = joined(parts)
-    order = np.argsort(columns.t_ns, kind="stable")
-    if len(order):
-        yield columns.taken(order)
+    yield from _merged([_chunks(table, start_ns, notes) for table in tables])
+    for table in tables:
+        for data in (table.records, table.variable):
+            if data is not None and data.fault is not None:
+                table.faults.append(data.fault)
+        notes.fault = notes.fault or next(iter(table.faults), None)
 
 
-def _group(mdf: Any, index: int, group: Any, notes: Notes) -> list[Columns]:
-    """Return the frames of one channel group, [] if it holds none."""
-    names = {str(channel.name) for channel in group.channels}
-    prefix = next((name for name in _GROUPS if any(n.startswith(f"{name}.") for n in names)), None)
-    if prefix is None or not group.channel_group.cycles_nr:
+def _tables(blocks: Blocks, notes: Notes) -> tuple[int, list[Table]]:
+    """Return the start time since 1970 and the groups of CAN frames that hold any."""
+    blocks.stream.seek(0)
+    head = blocks.stream.read(64)
+    if head[:3] not in (b"MDF", b"UnF"):
+        raise BrokenError('not an MDF file: it does not begin with "MDF"')
+    if len(head) < 64 or not head[8:9] == b"4":
+        raise BrokenError(f"MDF version {head[8:12].decode('latin-1')!r}, 4 was expected")
+    unfinished: int = struct.unpack_from("<H", head, 60)[0] if head[:3] == b"UnF" else 0
+    header = blocks.at(64, "HD")
+    start_ns, found, place = struct.unpack_from("<Q", header.data)[0], [], header.links[0]
+    seen: set[int] = set()
+    while place and place not in seen:
+        seen.add(place)
+        try:
+            group = blocks.at(place, "DG")
+            found += _group(blocks, group, unfinished)
+            place = group.links[0]
+        except (BrokenError, struct.error, IndexError) as error:
+            notes.fault = f"damaged in its description: {error}"
+            break
+    if start_ns >> 62:
+        raise BrokenError(f"the impossible start time {start_ns}")
+    return start_ns, found
+
+
+def _group(blocks: Blocks, group: Block, unfinished: int) -> list[Table]:
+    id_bytes = group.data[0]
+    headers: list[tuple[int, Block]] = []
+    place = group.links[1]
+    while place and len(headers) < 10_000 and place not in {known for known, _ in headers}:
+        headers.append((place, blocks.at(place, "CG")))
+        place = headers[-1][1].links[0]
+    channels = {at: _channels(blocks, block.links[1]) for at, block in headers}
+    if not any(_prefix(names) for names in channels.values()):
         return []
+    data = Data(blocks, group.links[2], open_end=bool(unfinished & 4))
+    whole: dict[int, Whole] = {}
+    if id_bytes:
+        sizes = {}
+        for at, block in headers:
+            number, _, width, invalid = _GROUP.unpack_from(block.data)
+            variable = bool(struct.unpack_from("<H", block.data, 16)[0] & 1)
+            sizes[number] = (at, None if variable else width + invalid)
+        whole = split_records(data, id_bytes, sizes)
+    tables = []
+    for at, block in headers:
+        prefix = _prefix(channels[at])
+        number, count, width, invalid = _GROUP.unpack_from(block.data)
+        records = whole[at] if id_bytes else data
+        size = width + invalid
+        if prefix is None or size == 0:
+            continue
+        there = records.size // size
+        table = _table(blocks, prefix, channels[at], records, whole, size)
+        table.count = there if unfinished & 3 or id_bytes else min(count, there)
+        if there < count and records.fault is None and not unfinished & 3:
+            table.faults.append(f"{there} of {count} records of {prefix} are there")
+        tables += [table] if table.count else []
+    return tables
 
-    def column(field: str) -> NDArray[Any] | None:
-        name = f"{prefix}.{field}"
-        return np.asarray(mdf.get(name, group=index, raw=True).samples) if name in names else None
 
-    seconds = mdf.get_master(index)
-    count = len(seconds)
-    identifiers = _or_zeros(column("ID"), count).astype(np.uint32)
-    marked = column("IDE")
-    extended = identifiers > 0x7FF if marked is None else marked != 0
-    flags = np.where(extended & (prefix != "CAN_ErrorFrame"), int(Flag.EXTENDED), 0) | _GROUPS[prefix]
-    for field, bit in _BITS.items():
-        flags |= np.where(_or_zeros(column(field), count) != 0, int(bit), 0)
-    data, length = _data(column("DataBytes"), column("DataLength"), column("DLC"), count)
-    if prefix == "CAN_RemoteFrame":
-        data = np.zeros_like(data)
-    start_ns = _epoch_ns(mdf.header.start_time)
-    return [
-        Columns(
-            start_ns + np.rint(seconds * 1e9).astype(np.int64),
-            identifiers & np.uint32(0x1FFF_FFFF),
-            _channels(_or_zeros(column("BusChannel"), count), notes),
-            flags.astype(np.uint8),
-            length.astype(np.uint8),
-            data,
+def _table(
+    blocks: Blocks,
+    prefix: str,
+    channels: dict[str, Place],
+    records: Data | Whole,
+    whole: dict[int, Whole],
+    size: int,
+) -> Table:
+    """Return the group's table; raises BrokenError where a field lies outside of the record."""
+    time = next((place for place in channels.values() if place.kind in (_MASTER, _VIRTUAL_MASTER)), None)
+    if time is None or time.kind == _VIRTUAL_MASTER:
+        raise BrokenError(f"{prefix} has no channel of times")
+    fields = {name.removeprefix(f"{prefix}."): place for name, place in channels.items() if "." in name}
+    for name, place in (*fields.items(), ("time", time)):
+        if place.byte + (place.bit + place.bits + 7) // 8 > size:
+            raise BrokenError(f"{prefix}: {name} lies outside of its record")
+    table = Table(prefix, 0, 0, size, time, fields, records)
+    data = fields.get("DataBytes")
+    if data is not None and data.kind == _VARIABLE and data.data_link:
+        link = data.data_link
+        table.variable = whole[link] if link in whole else Data(blocks, link)
+    return table
+
+
+def _prefix(names: dict[str, Place]) -> str | None:
+    return next((p for p in GROUPS if any(name.startswith(f"{p}.") for name in names)), None)
+
+
+def _channels(blocks: Blocks, place: int) -> dict[str, Place]:
+    """Return all channels below `place` by name, those inside of structures too."""
+    found: dict[str, Place] = {}
+    waiting, seen = [place], set[int]()
+    while waiting:
+        at = waiting.pop()
+        if not at or at in seen or len(seen) > 10_000:
+            continue
+        seen.add(at)
+        if blocks.header(at)[0] != "CN":
+            continue  # an array or a list of alternatives
+        block = blocks.at(at, "CN")
+        kind, _, data_type, bit, byte, bits = _CHANNEL.unpack_from(block.data)
+        scale = _scale(blocks, block.links[4])
+        found.setdefault(
+            blocks.text(block.links[2]), Place(kind, data_type, bit, byte, bits, block.links[5], scale)
         )
-    ]
+        waiting += [block.links[0], block.links[1]]
+    return found
 
 
-def _or_zeros(column: NDArray[Any] | None, count: int) -> NDArray[np.int64]:
-    return np.zeros(count, dtype=np.int64) if column is None else column.astype(np.int64)
+def _scale(blocks: Blocks, place: int) -> tuple[float, float]:
+    """Return offset and factor of a linear conversion; others only name values and do not matter here."""
+    if not place:
+        return 0.0, 1.0
+    block = blocks.at(place, "CC")
+    if block.data[0] != 1:
+        return 0.0, 1.0
+    offset, factor = struct.unpack_from("<2d", block.data, 24)
+    return offset, factor
 
 
-def _data(
-    data: NDArray[Any] | None, length: NDArray[Any] | None, dlc: NDArray[Any] | None, count: int
-) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-    """Return data (N, 8) or (N, 64), zero beyond the length, and the length (N,)."""
-    if length is None:
-        codes = np.array((0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64))
-        length = codes[np.clip(_or_zeros(dlc, count), 0, 15)]
-    lengths = np.clip(length.astype(np.int64), 0, FD_BYTES)
-    width = CLASSIC_BYTES if count == 0 or lengths.max() <= CLASSIC_BYTES else FD_BYTES
-    padded = np.zeros((count, width), dtype=np.uint8)
-    if data is not None and data.ndim == 2:
-        shared = min(width, data.shape[1])
-        padded[:, :shared] = data[:, :shared]
-    padded[np.arange(width) >= lengths[:, None]] = 0
-    return padded, lengths
+def _chunks(table: Table, start_ns: int, notes: Notes) -> Iterator[Columns]:
+    """Yield the frames of one group in file order."""
+    for first in range(0, table.count, CHUNK):
+        wanted = min(CHUNK, table.count - first)
+        raw = table.records.read(first * table.size, wanted * table.size)
+        there = len(raw) // table.size
+        if there:
+            rows = np.frombuffer(raw, dtype=np.uint8, count=there * table.size).reshape(there, table.size)
+            try:
+                columns = _columns(table, rows, start_ns, notes)
+            except BrokenError as error:
+                table.faults.append(str(error))
+                return
+            if len(columns.t_ns):
+                yield columns
+        if there < wanted:
+            table.faults.append(f"{first + there} of {table.count} records of {table.prefix} are there")
+            return
 
 
-def _channels(numbers: NDArray[np.int64], notes: Notes) -> NDArray[np.uint8]:
+def _columns(table: Table, rows: NDArray[np.uint8], start_ns: int, notes: Notes) -> Columns:
+    fields, count = table.fields, len(rows)
+
+    def number(name: str) -> NDArray[np.int64]:
+        return _integers(rows, fields[name]) if name in fields else np.zeros(count, dtype=np.int64)
+
+    identifiers = number("ID")
+    extended = number("IDE") != 0 if "IDE" in fields else identifiers > 0x7FF
+    flags = np.where(extended & (table.prefix != "CAN_ErrorFrame"), 1, 0) | GROUPS[table.prefix]
+    for name, bit in BITS.items():
+        flags |= np.where(number(name) != 0, int(bit), 0)
+    length = number("DataLength") if "DataLength" in fields else DLC_BYTES[np.clip(number("DLC"), 0, 15)]
+    length = np.clip(length, 0, 255)
+    times, sane = _times(rows, table.time, start_ns)
+    columns = Columns(
+        times,
+        (identifiers & 0x1FFF_FFFF).astype(np.uint32),
+        _numbered(number("BusChannel"), notes),
+        flags.astype(np.uint8),
+        length.astype(np.uint8),
+        np.zeros((count, CLASSIC_BYTES), dtype=np.uint8),
+    )
+    good = sane & possible(columns, notes)
+    kept = columns if good.all() else columns.taken(good)
+    data = _data(table, rows if good.all() else rows[good], kept.length.astype(np.int64))
+    if table.prefix == "CAN_RemoteFrame":
+        data = np.zeros_like(data)
+    notes.impossible(int(np.count_nonzero(~sane)), "a time that no clock shows")
+    return kept._replace(data=data)
+
+
+def _integers(rows: NDArray[np.uint8], place: Place) -> NDArray[np.int64]:
+    """Return an integer channel (N,)."""
+    size = (place.bit + place.bits + 7) // 8
+    if size > 8 or place.data_type not in (*_UNSIGNED, *_SIGNED):
+        raise BrokenError(f"an integer of {place.bits} bits and data type {place.data_type}")
+    padded = np.zeros((len(rows), 8), dtype=np.uint8)
+    part = rows[:, place.byte : place.byte + size]
+    padded[:, :size] = part if place.data_type in (0, 2) else part[:, ::-1]
+    words = padded.view("<u8")[:, 0]
+    spare = np.uint64(64 - place.bits)
+    if place.bits == 0:
+        return np.zeros(len(rows), dtype=np.int64)
+    shifted = words >> np.uint64(place.bit) << spare
+    if place.data_type in _SIGNED:
+        return shifted.view(np.int64) >> spare.astype(np.int64)
+    return (shifted >> spare).view(np.int64)
+
+
+def _times(
+    rows: NDArray[np.uint8], place: Place, start_ns: int
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Return times since 1970 (N,), and which of them are possible; nanoseconds in integers stay exact."""
+    offset, factor = place.scale
+    step_ns = factor * 1e9
+    if (
+        place.data_type not in _REAL
+        and offset == 0
+        and step_ns >= 0.5
+        and math.isclose(step_ns, round(step_ns), rel_tol=1e-12)
+    ):
+        ticks = _integers(rows, place)
+        sane = np.abs(ticks) <= int(_MOST_SECONDS * 1e9 / step_ns)
+        return start_ns + np.where(sane, ticks, 0) * round(step_ns), sane & (ticks != np.int64(-(2**63)))
+    if place.data_type in _REAL and (place.bits not in (32, 64) or place.bit):
+        raise BrokenError(f"a time of {place.bits} bits")
+    if place.data_type in _REAL:
+        size = place.bits // 8
+        raw = np.ascontiguousarray(rows[:, place.byte : place.byte + size])
+        values: NDArray[Any] = raw.view(f"{'<>'[place.data_type - 4]}f{size}")[:, 0].astype(np.float64)
+    else:
+        values = _integers(rows, place).astype(np.float64)
+    with np.errstate(all="ignore"):  # NaN and infinity are told apart below
+        seconds = values if (offset, factor) == (0.0, 1.0) else values * factor + offset
+        sane = (seconds > _FEWEST_SECONDS) & (seconds < _MOST_SECONDS)
+    return start_ns + np.rint(np.where(sane, seconds, 0.0) * 1e9).astype(np.int64), sane
+
+
+def _data(table: Table, rows: NDArray[np.uint8], length: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """Return data (N, 8) or (N, 64), zero beyond the length."""
+    width = CLASSIC_BYTES if not len(length) or length.max() <= CLASSIC_BYTES else FD_BYTES
+    data = np.zeros((len(rows), width), dtype=np.uint8)
+    place = table.fields.get("DataBytes")
+    if place is None or not len(rows):
+        return data
+    if table.variable is not None:
+        _gather(table.variable, _integers(rows, replace(place, data_type=0)), length, data)
+    else:
+        there = min(width, place.bits // 8)
+        data[:, :there] = rows[:, place.byte : place.byte + there]
+    data[np.arange(width) >= length[:, None]] = 0
+    return data
+
+
+def _gather(
+    variable: Data | Whole, offsets: NDArray[np.int64], length: NDArray[np.int64], data: NDArray[np.uint8]
+) -> None:
+    """Fill `data` from the bytes of variable length that stand at `offsets` behind a u32 of their length."""
+    first, last = int(offsets.min()), int(offsets.max())
+    if first < 0 or last + 4 > variable.size or last - first > 64 * CHUNK + (1 << 24):
+        raise BrokenError("data bytes lie outside of their block")
+    raw = np.frombuffer(variable.read(first, last - first + 4 + FD_BYTES) + bytes(FD_BYTES + 4), np.uint8)
+    if len(raw) < last - first + 4:
+        raise BrokenError("data bytes are cut off")
+    base = offsets - first
+    own = raw[base[:, None] + np.arange(4)].copy().view("<u4")[:, 0].astype(np.int64)
+    columns = np.arange(data.shape[1])
+    data[:] = raw[np.minimum(base[:, None] + 4 + columns, len(raw) - 1)]
+    data[columns >= np.minimum(own, length)[:, None]] = 0
+
+
+def _numbered(numbers: NDArray[np.int64], notes: Notes) -> NDArray[np.uint8]:
     channel = np.zeros(len(numbers), dtype=np.uint8)
-    for number in np.unique(numbers).tolist():
+    values, first = np.unique(numbers, return_index=True)
+    for number in values[np.argsort(first)].tolist():
         channel[numbers == number] = notes.channel(str(number))
     return channel
 
 
-def _epoch_ns(start: datetime) -> int:
-    """Return a start time as integer ns since 1970; a time without a zone is read as UTC."""
-    aware = start if start.tzinfo is not None else start.replace(tzinfo=UTC)
-    return (aware - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1) * 1000
+def _merged(tables: list[Iterator[Columns]]) -> Iterator[Columns]:
+    """Yield the runs of all groups as runs in order of time; of equal times, the earlier group's first."""
+    heads: list[Columns | None] = [next(table, None) for table in tables]
+    while alive := [k for k, head in enumerate(heads) if head is not None]:
+        if len(alive) == 1:
+            only = alive[0]
+            yield _in_order(heads[only])  # type: ignore[arg-type]
+            heads[only] = next(tables[only], None)
+            continue
+        limit = min(int(heads[k].t_ns[-1]) for k in alive)  # type: ignore[union-attr]
+        parts = []
+        for k in alive:
+            head = heads[k]
+            due = head.t_ns <= limit  # type: ignore[union-attr]
+            parts.append(head.taken(due))  # type: ignore[union-attr]
+            rest = head.taken(~due)  # type: ignore[union-attr]
+            heads[k] = rest if len(rest.t_ns) else next(tables[k], None)
+        yield _in_order(joined(parts))
 
 
-def write_mf4(path: Path, columns: Columns, channel_numbers: NDArray[np.uint8]) -> None:
-    """Write a whole log; `channel_numbers` (N,) are the bus channels to write. Raises MissingExtraError."""
-    asammdf = require_asammdf()
-    first_ns = int(columns.t_ns.min()) if len(columns.t_ns) else 0
-    start_ns = first_ns // 1000 * 1000
-    mdf = asammdf.MDF(version="4.11")
-    mdf.header.start_time = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=start_ns // 1000)
-    kind = columns.flags & (Flag.REMOTE | Flag.ERROR)
-    for prefix, bits in _GROUPS.items():
-        rows = np.flatnonzero(kind == bits)
-        rows = rows[np.argsort(columns.t_ns[rows], kind="stable")]  # a master channel must not run backwards
-        if len(rows):
-            chosen = columns.taken(rows)
-            _append(asammdf, mdf, prefix, chosen, channel_numbers[rows], start_ns)
-    mdf.save(path, overwrite=True, compression=1)
-    mdf.close()
-
-
-def _append(
-    asammdf: Any, mdf: Any, prefix: str, columns: Columns, channels: NDArray[np.uint8], start_ns: int
-) -> None:
-    from asammdf.blocks.v4_constants import BUS_TYPE_CAN, FLAG_CG_BUS_EVENT, SOURCE_BUS
-
-    width = columns.data.shape[1]
-    fields: dict[str, NDArray[Any]] = {
-        "BusChannel": channels,
-        "ID": columns.arbitration_id,
-        "IDE": (columns.flags & Flag.EXTENDED != 0).astype(np.uint8),
-        "DLC": _dlc(columns.length),
-        "DataLength": columns.length,
-        "DataBytes": columns.data,
-        **{name: (columns.flags & bit != 0).astype(np.uint8) for name, bit in _BITS.items()},
-    }
-    layout = [(f"{prefix}.{name}", values.dtype.str, values.shape[1:]) for name, values in fields.items()]
-    samples = np.zeros(len(columns.t_ns), dtype=layout)
-    for name, values in fields.items():
-        samples[f"{prefix}.{name}"] = values
-    source = asammdf.Source(prefix, "CAN", "", SOURCE_BUS, BUS_TYPE_CAN)
-    seconds = (columns.t_ns - start_ns) / 1e9
-    signal = asammdf.Signal(samples=samples, timestamps=seconds, name=prefix, source=source)
-    mdf.append([signal], acq_name=f"{prefix}_{width}", acq_source=source, common_timebase=True)
-    mdf.groups[-1].channel_group.flags |= FLAG_CG_BUS_EVENT
-
-
-def _dlc(length: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    sizes = np.array((0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64))
-    return np.searchsorted(sizes, length).astype(np.uint8)
+def _in_order(columns: Columns) -> Columns:
+    if (np.diff(columns.t_ns) >= 0).all():
+        return columns
+    return columns.taken(np.argsort(columns.t_ns, kind="stable"))

@@ -79,8 +79,7 @@ def read_chunks(path: Path, notes: Notes) -> Iterator[Columns]:
 def read_log(path: Path | str) -> LogTable:
     """Read a whole log. Good lines and the frames before a fault are used; `.report` says what was not.
 
-    Raises LogError if there is no such file, its format is not known, or it holds no frame at all;
-    MissingExtraError for .mf4 without asammdf.
+    Raises LogError if there is no such file, its format is not known, or it holds no frame at all.
     """
     path = Path(path)
     notes = Notes()
@@ -91,7 +90,7 @@ def read_log(path: Path | str) -> LogTable:
 
 
 def iter_frames(path: Path | str, notes: Notes | None = None) -> Iterator[Frame]:
-    """Yield the frames of a log in file order while it is read, in constant memory (.mf4: all at once).
+    """Yield the frames of a log in file order while it is read, in constant memory.
 
     `due_ns` is the log's time; `channel` counts channels in order of appearance (`notes.channels`).
     `notes`, complete after the last frame, gets what was found. Raises as `read_log`.

@@ -124,6 +124,16 @@ def frames_of(columns: Columns) -> Iterator[Frame]:
         )
 
 
+def records_of(columns: Columns) -> Iterator[Record]:
+    """Yield the rows as plain records."""
+    raw, width = columns.data.tobytes(), columns.data.shape[1]
+    rows = zip(*(column.tolist() for column in columns[:5]), strict=True)
+    for start, (t_ns, identifier, channel, flags, length) in zip(
+        range(0, len(raw), width), rows, strict=True
+    ):
+        yield Record(t_ns, identifier, channel, flags, raw[start : start + length])
+
+
 def columns_from(records: list[Record]) -> Columns:
     """Return plain records as columns."""
     if not records:
@@ -168,6 +178,25 @@ def joined(parts: list[Columns]) -> Columns:
         np.concatenate([part.length for part in parts]),
         np.concatenate(data),
     )
+
+
+_DATA_LENGTHS = np.isin(np.arange(256), sorted(FD_LENGTHS))
+
+
+def possible(columns: Columns, notes: Notes) -> BoolArray:
+    """Return a mask (N,) of the frames that a bus can carry; the others are counted in `notes`."""
+    narrow = (columns.flags & Flag.EXTENDED != 0) | (columns.arbitration_id <= MAX_STANDARD_ID)
+    notes.impossible(int(np.count_nonzero(~narrow)), _first("id 0x{0:X} in 11 bits", columns, ~narrow))
+    fd = columns.flags & Flag.FD != 0
+    fits = np.where(fd, _DATA_LENGTHS[columns.length], columns.length <= CLASSIC_BYTES) | ~narrow
+    notes.impossible(int(np.count_nonzero(~fits)), _first("id 0x{0:X} with {1} data bytes", columns, ~fits))
+    mask: BoolArray = narrow & fits
+    return mask
+
+
+def _first(text: str, columns: Columns, rows: BoolArray) -> str:
+    found = np.flatnonzero(rows)[:1].tolist()
+    return "".join(text.format(int(columns.arbitration_id[at]), int(columns.length[at])) for at in found)
 
 
 def table_from(path: str, columns: Columns, notes: Notes) -> LogTable:
