@@ -35,6 +35,7 @@ _BASE = struct.Struct("<4sHHLL")
 _STAMP = struct.Struct("<L4xQ")
 _CAN_FD = struct.Struct("<HBBL5xBB5x64s")  # channel, flags, dlc, id, FD flags, valid bytes, data
 _CAN_FD_64 = struct.Struct("<BxBxL4xL18xBB4x")  # channel, valid bytes, id, flags, direction, ext offset
+CHUNK = 65536  # frames gathered at once, as far as a container has so many
 _CONTAINER, _CAN, _CAN_2, _ERROR, _ERROR_2, _FD, _FD_64 = 10, 1, 86, 2, 73, 100, 101
 _EXTENDED_BIT = 0x8000_0000
 FD_DLC = {length: dlc for dlc, length in enumerate(sorted(FD_LENGTHS))}
@@ -45,17 +46,22 @@ class _Broken(Exception):
     """The file cannot be read on; the text says why."""
 
 
-def read_blf(stream: BinaryIO, notes: Notes) -> Iterator[Columns]:
-    """Yield the frames of a BLF log container by container; a fault ends it and is kept in `notes`."""
+def read_blf(stream: BinaryIO, notes: Notes, chunk: int = CHUNK) -> Iterator[Columns]:
+    """Yield the frames of a BLF log container by container, at most `chunk` at a time.
+
+    A fault ends it and is kept in `notes`.
+    """
     try:
         start_ns = _start_ns(stream)
         rest = b""
         for content in _contents(stream):
-            block = rest + content if rest else content
-            columns, used = _frames(block, start_ns, notes)
-            rest = block[used:]
-            if len(columns.t_ns):
-                yield columns
+            rest = rest + content if rest else content
+            used = -1
+            while used:
+                columns, used = _frames(rest, start_ns, notes, chunk)
+                rest = rest[used:]
+                if len(columns.t_ns):
+                    yield columns
     except _Broken as error:
         notes.fault = str(error)
     else:
@@ -109,14 +115,18 @@ def _unpacked(body: bytes, place: int) -> bytes:
         raise _Broken(f"container {place} is damaged: {error}") from None
 
 
-def _frames(block: bytes, start_ns: int, notes: Notes) -> tuple[Columns, int]:
-    """Return the frames in `block` and how many bytes were used; the rest belongs to the next block."""
+def _frames(block: bytes, start_ns: int, notes: Notes, limit: int) -> tuple[Columns, int]:
+    """Return the first frames in `block`, at most `limit`, and how many bytes were used.
+
+    What is left when no byte is used belongs to the next block.
+    """
     classic: list[int] = []
     stamps: list[int] = []
     order: list[int] = []
     others: list[Record] = []
     position, end = 0, len(block)
-    while True:
+    at = 0
+    while len(classic) + len(others) < limit:
         at = block.find(b"LOBJ", position, position + 8)
         if at < 0 or at + 32 > end:
             break

@@ -27,7 +27,8 @@ from vsensor.logs.table import (
 )
 from vsensor.types import IntArray
 
-BLOCK_BYTES = 1 << 22
+CHUNK = 65536  # frames decoded at once
+LINE_BYTES = 48  # of a classic frame; 64 bytes of CAN FD have three times as many
 ERROR_BIT = 0x2000_0000  # CAN_ERR_FLAG of the Linux kernel
 
 _LINE = re.compile(
@@ -39,10 +40,10 @@ _LINE = re.compile(
 _Row = tuple[bytes, bytes, bytes, bytes, bytes, bytes, bytes]
 
 
-def read_candump(stream: BinaryIO, notes: Notes) -> Iterator[Columns]:
-    """Yield the frames of a candump log block by block; garbage lines are counted in `notes`."""
+def read_candump(stream: BinaryIO, notes: Notes, chunk: int = CHUNK) -> Iterator[Columns]:
+    """Yield the frames of a candump log, some `chunk` at a time; garbage lines are counted in `notes`."""
     lines_before = 0
-    for block in _blocks(stream):
+    for block in _blocks(stream, chunk * LINE_BYTES):
         rows: list[_Row] = _LINE.findall(block)
         lines = block.count(b"\n") + (not block.endswith(b"\n"))
         good = [row for row in rows if _is_valid(row[3], row[4], row[5])]
@@ -53,10 +54,10 @@ def read_candump(stream: BinaryIO, notes: Notes) -> Iterator[Columns]:
             yield _columns(good, notes)
 
 
-def _blocks(stream: BinaryIO) -> Iterator[bytes]:
+def _blocks(stream: BinaryIO, size: int) -> Iterator[bytes]:
     """Yield blocks that end at the end of a line."""
     rest = b""
-    while block := stream.read(BLOCK_BYTES):
+    while block := stream.read(size):
         cut = block.rfind(b"\n") + 1
         if cut:
             yield rest + block[:cut]

@@ -117,7 +117,7 @@ def _epoch_ns(line: str, otherwise: int) -> int:
     return int(start.timestamp()) * 10**9 + int((found[6] or "0").ljust(9, "0"))
 
 
-def read_asc(stream: TextIO, notes: Notes) -> Iterator[Columns]:
+def read_asc(stream: TextIO, notes: Notes, chunk: int = BATCH) -> Iterator[Columns]:
     """Yield the frames of a Vector ASC log; times are absolute where the header has a date, as UTC."""
     lines = _AscLines(stream, ("internal events logged\n",))
     reader = can.ASCReader(lines, relative_timestamp=True)  # type: ignore[arg-type]
@@ -128,7 +128,7 @@ def read_asc(stream: TextIO, notes: Notes) -> Iterator[Columns]:
         name = str(message.channel + 1) if isinstance(message.channel, int) else "1"
         return _record(message, notes.channel(name), lines.epoch_ns + round(message.timestamp * 1e9))
 
-    return _columns(_records(reader, lines, record, _asc_line, notes))
+    return _columns(_records(reader, lines, record, _asc_line, notes), chunk)
 
 
 def _asc_length(pending: list[tuple[int, str]]) -> int:
@@ -143,7 +143,7 @@ def _asc_line(text: str) -> str:
     return "event" if _ASC_EVENT.match(text) and not _ASC_FRAME.match(text) else "garbage"
 
 
-def read_trc(stream: TextIO, notes: Notes) -> Iterator[Columns]:
+def read_trc(stream: TextIO, notes: Notes, chunk: int = BATCH) -> Iterator[Columns]:
     """Yield the frames of a PEAK TRC log, versions 1.0 to 2.1; version 1.0 has times from its start."""
     lines = _Lines(stream, ())
     reader = can.TRCReader(lines)  # type: ignore[arg-type]
@@ -151,7 +151,7 @@ def read_trc(stream: TextIO, notes: Notes) -> Iterator[Columns]:
     def record(message: can.Message) -> Record | None:
         return _record(message, notes.channel(str(message.channel)), _microseconds(message.timestamp))
 
-    return _columns(_records(reader, lines, record, _trc_line, notes))
+    return _columns(_records(reader, lines, record, _trc_line, notes), chunk)
 
 
 _TRC_EVENTS = frozenset(("FFFFFFFF", "Warng", "Error", "ST", "ER", "EC", "EV"))
@@ -164,7 +164,7 @@ def _trc_line(text: str) -> str:
     return "event" if _TRC_EVENTS.intersection(text.split()[:5]) else "garbage"
 
 
-def read_csv(stream: TextIO, notes: Notes) -> Iterator[Columns]:
+def read_csv(stream: TextIO, notes: Notes, chunk: int = BATCH) -> Iterator[Columns]:
     """Yield the frames of a CSV log as python-can writes it; it has neither channel nor FD."""
     lines = _Lines(stream, ("header\n",))
     reader = can.CSVReader(lines)  # type: ignore[arg-type]
@@ -172,7 +172,7 @@ def read_csv(stream: TextIO, notes: Notes) -> Iterator[Columns]:
     def record(message: can.Message) -> Record | None:
         return _record(message, notes.channel("1"), _microseconds(message.timestamp))
 
-    return _columns(_records(reader, lines, record, _csv_line, notes))
+    return _columns(_records(reader, lines, record, _csv_line, notes), chunk)
 
 
 def _csv_line(text: str) -> str:
@@ -242,11 +242,11 @@ def _note_lines(skipped: list[tuple[int, str]], kind_of_line: Callable[[str], st
             notes.other_lines += 1
 
 
-def _columns(records: Iterator[Record]) -> Iterator[Columns]:
+def _columns(records: Iterator[Record], chunk: int) -> Iterator[Columns]:
     batch: list[Record] = []
     for record in records:
         batch.append(record)
-        if len(batch) == BATCH:
+        if len(batch) >= chunk:
             yield columns_from(batch)
             batch = []
     if batch:

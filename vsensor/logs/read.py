@@ -15,16 +15,17 @@ from vsensor.logs.table import Columns, LogTable, frames_of, joined, table_from
 from vsensor.logs.unpack import GzipStream
 from vsensor.types import Frame
 
-Reader = Callable[[BinaryIO, Notes], Iterator[Columns]]
+Reader = Callable[..., Iterator[Columns]]
+"""Of an open file, notes and (all but MF4) about how many frames at a time."""
 
 
-def _as_text(read: Callable[[io.TextIOWrapper, Notes], Iterator[Columns]]) -> Reader:
+def _as_text(read: Reader) -> Reader:
     """Return a reader of bytes; Latin-1 decodes any byte, and only names and months are not ASCII."""
 
-    def reader(stream: BinaryIO, notes: Notes) -> Iterator[Columns]:
+    def reader(stream: BinaryIO, notes: Notes, *chunk: int) -> Iterator[Columns]:
         text = io.TextIOWrapper(stream, encoding="latin-1")
         try:
-            yield from read(text, notes)
+            yield from read(text, notes, *chunk)
         finally:
             text.detach()  # who opened the stream closes it
 
@@ -52,18 +53,22 @@ def log_format(path: Path) -> str:
     return suffixes[-1]
 
 
-def read_chunks(path: Path, notes: Notes) -> Iterator[Columns]:
+def read_chunks(
+    path: Path, notes: Notes, chunk: int | None = None, reader: Reader | None = None
+) -> Iterator[Columns]:
     """Yield the frames of a log in runs, in file order; garbage and faults are kept in `notes`.
 
-    Raises LogError if the file cannot be opened or its format is not known.
+    `chunk`: about so many frames are decoded at a time (.mf4: as its reader likes); `reader`: instead of the
+    suffix's. Raises LogError if the file cannot be opened or its format is not known.
     """
-    reader = READERS[log_format(path)]
+    reader = READERS[log_format(path)] if reader is None else reader
     packed = path.suffix.lower() == ".gz"
     try:
         raw = GzipStream(path) if packed else path.open("rb")
         with io.BufferedReader(raw) if isinstance(raw, GzipStream) else raw as stream:
             whole = io.BytesIO(stream.read()) if packed and reader is read_mf4 else stream
-            yield from reader(whole, notes)
+            size = () if chunk is None or reader is read_mf4 else (chunk,)
+            yield from reader(whole, notes, *size)
             if isinstance(raw, GzipStream) and raw.fault is not None:
                 notes.fault = raw.fault
     except FileNotFoundError:
