@@ -5,6 +5,7 @@ r"""Text logs of `candump -L`, read in blocks by one pattern and turned into col
     (1533224087.000013) can0 123##3112233 R              FD: flags digit (1 = BRS, 2 = ESI), received
     (1533224087.000013) can0 123#R4                      remote frame asking for 4 bytes
     (1533224087.000013) can0 20000080#0000000000000000   error frame
+    (1533224087.000013) can0 123#11   # a comment        with ; # or //
 
 Times become integer nanoseconds from the digits, never through a float.
 """
@@ -33,7 +34,8 @@ ERROR_BIT = 0x2000_0000  # CAN_ERR_FLAG of the Linux kernel
 
 _LINE = re.compile(
     rb"^[ \t]*\((\d{1,9}|[1-8]\d{9})\.(\d{1,9})\)[ \t]+(\S+)[ \t]+"
-    rb"([0-9A-Fa-f]+)#(#[0-9A-Fa-f]|[Rr]|)([0-9A-Fa-f]*)(?:_[0-9A-Fa-f])?(?:[ \t]+([RrTt]))?[ \t]*\r?$",
+    rb"([0-9A-Fa-f]+)#(#[0-9A-Fa-f]|[Rr]|)([0-9A-Fa-f]*)(?:_[0-9A-Fa-f])?(?:[ \t]+([RrTt]))?"
+    rb"(?:[ \t]+(?:[;#]|//).*)?[ \t]*\r?$",
     re.MULTILINE,
 )
 """Seconds, fraction, channel, id, mark (FD with its flags, remote), data digits, direction."""

@@ -68,7 +68,9 @@ def read_chunks(
         with io.BufferedReader(raw) if isinstance(raw, GzipStream) else raw as stream:
             whole = io.BytesIO(stream.read()) if packed and reader is read_mf4 else stream
             size = () if chunk is None or reader is read_mf4 else (chunk,)
-            yield from reader(whole, notes, *size)
+            for columns in reader(whole, notes, *size):
+                notes.read_bytes = raw.place if isinstance(raw, GzipStream) else raw.tell()
+                yield columns
             if isinstance(raw, GzipStream) and raw.fault is not None:
                 notes.fault = raw.fault
     except FileNotFoundError:

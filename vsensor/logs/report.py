@@ -7,8 +7,12 @@ SHOWN_GARBAGE = 5
 
 @dataclass(slots=True)
 class Notes:
-    """What a reader finds while it reads: channels by name, garbage lines, the fault that ended it."""
+    """What a reader finds while it reads: channels by name, garbage lines, the fault that ended it.
 
+    `read_bytes` is how much of the file has been read.
+    """
+
+    read_bytes: int = 0
     channels: dict[str, int] = field(default_factory=dict[str, int])
     garbage_lines: int = 0
     first_garbage: list[tuple[int, str]] = field(default_factory=list[tuple[int, str]])
@@ -43,6 +47,10 @@ class Notes:
             number, text = self.first_garbage[0]
             return f"holds no CAN frame; {self.garbage_lines} lines are none, first line {number}: {text!r}"
         return "holds no CAN frame"
+
+    def problems(self) -> list[str]:
+        """Return what is wrong with the log, as sentences; [] for a clean one."""
+        return _problems(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,14 +92,19 @@ class LogReport:
 
     def problems(self) -> list[str]:
         """Return what is wrong with the log, as sentences; [] for a clean one."""
-        found = []
-        if self.garbage_lines:
-            number, text = self.first_garbage[0]
-            found.append(f"{self.garbage_lines} lines are no CAN frames, first line {number}: {text!r}")
-        if self.impossible_frames:
-            found.append(f"{self.impossible_frames} frames left out: {self.first_impossible}")
+        found = _problems(self)
         if self.backward_timestamps:
             found.append(f"{self.backward_timestamps} timestamps run backwards")
-        if self.fault is not None:
-            found.append(f"reading ended early: {self.fault}")
         return found
+
+
+def _problems(found: Notes | LogReport) -> list[str]:
+    lines = []
+    if found.garbage_lines:
+        number, text = found.first_garbage[0]
+        lines.append(f"{found.garbage_lines} lines are no CAN frames, first line {number}: {text!r}")
+    if found.impossible_frames:
+        lines.append(f"{found.impossible_frames} frames left out: {found.first_impossible}")
+    if found.fault is not None:
+        lines.append(f"reading ended early: {found.fault}")
+    return lines

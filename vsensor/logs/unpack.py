@@ -26,6 +26,11 @@ class GzipStream(io.RawIOBase):
         self._begun = False
         self.fault: str | None = None
 
+    @property
+    def place(self) -> int:
+        """How many bytes of the packed file have been read."""
+        return self._file.tell()
+
     def readable(self) -> bool:
         """Return True."""
         return True
