@@ -39,8 +39,8 @@ def nothing(mode=AVAILABLE):
 class Sender:
     """Sends slot after slot, keeping the state."""
 
-    def __init__(self, profile, vehicle=VEHICLE):
-        self.transmitter = Transmitter(profile, vehicle)
+    def __init__(self, profile, vehicle=VEHICLE, camera_x_m=None):
+        self.transmitter = Transmitter(profile, vehicle, camera_x_m)
         self.state, self.index = initial_state(self.transmitter), 0
 
     def __call__(self, found):
@@ -49,9 +49,9 @@ class Sender:
         return frames
 
 
-def sent(profile, found):
+def sent(profile, found, camera_x_m=None):
     """Return the frames of the first slot."""
-    return Sender(profile)(found)
+    return Sender(profile, camera_x_m=camera_x_m)(found)
 
 
 def raws(profile, frames):
