@@ -24,10 +24,11 @@ ORDER = """
     / config
     / line
     / runner realtime
-    / replay score
+    / replay score accept
     / study
-    / plots
+    / plots control
     / run
+    / session
     / pitfalls
     / check
     / field
@@ -37,7 +38,8 @@ ORDER = """
     / __main__
 """
 """A module imports only from what stands before its slash, or from its own package: siblings do not import
-each other. `vsensor/__init__.py` imports nothing, so that one stage can be imported without the others."""
+each other. `vsensor/__init__.py` imports nothing before it is asked for a name, so that one stage can be
+imported without the others."""
 
 SOLE_IMPORTERS = {"embreex": "raycast", "cantools": "codec"}
 """Libraries that one module alone knows."""
@@ -114,7 +116,7 @@ def violations(source: str, module: str, is_package: bool = False) -> list[str]:
         where = f"{module}:{line}"
         library = imported.split(".")[0]
         if library == PACKAGE:
-            found += _wrong_order(where, here, place(imported))
+            found += _wrong_order(where, here, place(imported)) if here or at_once else []
         elif SOLE_IMPORTERS.get(library, here) != here:
             found.append(f"{where}: imports {library}, which {SOLE_IMPORTERS[library]} alone may")
         elif library in OPTIONAL and at_once:

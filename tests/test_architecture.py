@@ -75,6 +75,7 @@ def test_a_violation_is_found_and_named(module, source, said):
         ("vsensor.cli", "print('x')"),
         ("vsensor.sinks.table_view", "import numpy"),
         ("vsensor.scene", "TEXT = 'see vsensor.camera for more'"),
+        ("vsensor", "def __getattr__(name):\n    from vsensor.session import Session"),
     ],
 )
 def test_what_the_rules_allow_is_not_found(module, source):

@@ -169,6 +169,7 @@ def _check_scenario(scenario: Scenario, profile: str | None, dbc: Path | None) -
     findings = [*line.source.findings, *uneven, *audit(load_database(line.profile.database))]
     findings += [*_sending_findings(line.profile), *pitfalls(scenario, line)]
     head = [f"scenario {scenario.name}: source {scenario.source}", *line.source.notes]
+    head += [f"fault planned: {fault.text()}" for fault in line.timeline]
     return _report(head, findings, [*_model_lines(scenario, line), *_profile_lines(line.profile)])
 
 

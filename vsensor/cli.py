@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn, TypeAlias
 
-from vsensor.errors import VsensorError
+from vsensor.errors import ConfigError, VsensorError
 from vsensor.stop import stop_signals
 
 RUN_HELP = """\
@@ -43,6 +43,22 @@ SCORE_HELP = """\
 Compare output with truth in a trace that `vsensor run --trace FILE` wrote.
 
 Lateral error at 10, 20, 50, 80 m (mean, std, 95 % of the absolute error), range, availability.
+"""
+
+ACCEPT_HELP = """\
+Judge a stream of frames as an ECU would that reads it: a recording, or a bus for some time. Sends nothing.
+
+  vsensor accept drive.log                            our own stream, or any sensor's with this profile
+  vsensor accept --bus socketcan:can0 --duration 10   what is on the bus now; Ctrl-C ends and judges, too
+  vsensor accept car.log --profile mine.toml --limits mine_limits.toml --json verdict.json
+
+Looks for missing and late frames, wrong lengths, CRCs and counters, frozen images, torn or mixed bursts,
+jumps, stuck signals, contradictions, values out of range. Each line is one kind of fault in one message: how
+often, when first (seconds from the first frame), how bad, what passes, and what a consumer does about it.
+
+A limits file needs schema = "vsensor.accept/1" and only the keys that differ: cycle_tolerance, jitter_ms,
+frozen_ms, offset_step_m ..., [receiver] (AUTOSAR's tolerances), [allow] (how many of a kind pass).
+Exit 0 accepted, 1 not (with the list), 2 bad input.
 """
 
 SWEEP_HELP = """\
@@ -116,6 +132,8 @@ def _run(arguments: argparse.Namespace, stopped: Callable[[], bool]) -> int:
         video=arguments.video,
         fast=arguments.fast,
         realtime=arguments.realtime,
+        faults=tuple(arguments.fault),
+        control=arguments.control,
         profile=arguments.profile,
         dbc=arguments.dbc,
         table=sys.stdout.isatty() and not arguments.quiet,
@@ -159,6 +177,33 @@ def score(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def accept(arguments: argparse.Namespace) -> int:
+    """`vsensor accept`: a recording or a live bus, judged as a consumer would."""
+    with stop_signals() as stopped:
+        return _accept(arguments, stopped)
+
+
+def _accept(arguments: argparse.Namespace, stopped: Callable[[], bool]) -> int:
+    from vsensor.accept import accept_bus, accept_log, load_limits, write_report
+    from vsensor.profile import load_profiles
+
+    if (arguments.log is None) == (arguments.bus is None):
+        raise ConfigError("accept: either a LOG or --bus was expected")
+    if arguments.duration is not None and arguments.bus is None:
+        raise ConfigError("accept: --duration is for --bus; a recording is judged as a whole")
+    profiles = load_profiles(arguments.profile or ["native"], arguments.dbc)
+    limits = load_limits(arguments.limits)
+    if arguments.bus is None:
+        judged = accept_log(arguments.log, profiles, limits)
+    else:
+        judged = accept_bus(arguments.bus, profiles, limits, duration_s=arguments.duration, stopped=stopped)
+    if arguments.json is not None:
+        write_report(arguments.json, judged)
+    for line in judged.lines():
+        print(line)
+    return 0 if judged.is_accepted else 1
+
+
 def sweep(arguments: argparse.Namespace) -> int:
     """`vsensor sweep`: a scenario over a grid of settings, in simulated time."""
     from vsensor.study import SweepOptions, sweep_scenario
@@ -195,6 +240,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_check(commands)
     _add_decode(commands)
     _add_score(commands)
+    _add_accept(commands)
     _add_sweep(commands)
     return parser
 
@@ -258,6 +304,16 @@ def _add_run(commands: "Commands") -> None:
     added.add_argument("--seed", type=_seed, metavar="N", help="seed of all random draws (the scenario's)")
     added.add_argument("--profile", metavar="NAME", help="bus profile, shipped name or file")
     added.add_argument("--dbc", type=Path, metavar="FILE", help="the database that the profile maps")
+    added.add_argument(
+        "--fault",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE,...",
+        help="a fault as in [[fault]]: kind=frame_lost,message=LDS_Lane,at_s=3,for_s=1; repeatable",
+    )
+    added.add_argument(
+        "--control", metavar="PORT", help="listen for JSON lines on this machine's PORT, or unix:PATH"
+    )
     added.add_argument("--quiet", action="store_true", help="no live table, no progress bar")
 
 
@@ -281,6 +337,23 @@ def _add_decode(commands: "Commands") -> None:
 def _add_score(commands: "Commands") -> None:
     added = _command(commands, "score", score, SCORE_HELP)
     added.add_argument("trace", type=Path, help="trace file: .npz .csv .parquet")
+
+
+def _add_accept(commands: "Commands") -> None:
+    added = _command(commands, "accept", accept, ACCEPT_HELP)
+    added.add_argument(
+        "log", nargs="?", type=Path, help="CAN log: .log .asc .blf .mf4 .trc .csv, also gzipped"
+    )
+    added.add_argument("--bus", metavar="INTERFACE:CHANNEL", help="python-can bus to listen to instead")
+    added.add_argument("--duration", type=_positive, metavar="S", help="listen for S seconds (until Ctrl-C)")
+    added.add_argument(
+        "--profile", action="append", metavar="NAME", help="shipped name or file; repeatable (native)"
+    )
+    added.add_argument("--dbc", type=Path, metavar="FILE", help="the database of the profile that names none")
+    added.add_argument(
+        "--limits", type=Path, metavar="FILE", help="limits that differ from the defaults: .toml"
+    )
+    added.add_argument("--json", type=Path, metavar="FILE", help="write the verdict for programs")
 
 
 def _add_sweep(commands: "Commands") -> None:

@@ -28,6 +28,10 @@ class BusError(VsensorError):
     """A bus cannot be opened or used: names interface and channel."""
 
 
+class SessionError(VsensorError):
+    """A session was asked for what it cannot do (any more): says what, and what was expected."""
+
+
 class MissingExtraError(VsensorError):
     """An optional library is absent: names the pip command that brings it."""
 

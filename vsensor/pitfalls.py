@@ -22,6 +22,7 @@ def pitfalls(scenario: Scenario, line: Line) -> list[str]:
         *_assumed_without_effect(scenario),
         *_without_map(scenario, line),
         *_lanes_that_are_not_there(scenario, line),
+        *_faults_after_the_end(scenario),
     ]
 
 
@@ -75,3 +76,13 @@ def _lanes_that_are_not_there(scenario: Scenario, line: Line) -> list[str]:
             "so it drives beside the road's lanes"
         )
     return found
+
+
+def _faults_after_the_end(scenario: Scenario) -> list[str]:
+    """Name the faults that are planned for a time that the run does not reach."""
+    end_s = scenario.config.duration_s
+    return [
+        f"fault[{number}].at_s = {fault.at_s:g}: without effect, as duration_s is {end_s:g}"
+        for number, fault in enumerate(scenario.config.fault)
+        if fault.at_s is not None and end_s is not None and fault.at_s >= end_s
+    ]

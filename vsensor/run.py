@@ -3,7 +3,7 @@
 import contextlib
 import ctypes
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import msgspec
@@ -13,10 +13,11 @@ from vsensor.clock import Clock, MonotonicClock, SimulatedClock, epoch_offset_ns
 from vsensor.config import Scenario
 from vsensor.draws import Draws
 from vsensor.errors import BusError, ConfigError
+from vsensor.faults import parse_fault
 from vsensor.line import Line, build_line, tick_count
 from vsensor.profile import quantisation_error_m
 from vsensor.realtime import calm_collector, real_time_priority
-from vsensor.runner import Summary, run_loop
+from vsensor.runner import Control, Summary, run_loop
 from vsensor.sinks import Sink
 from vsensor.types import Tick
 
@@ -43,6 +44,8 @@ class RunOptions:
     table: bool = False
     progress: bool = False
     realtime: bool = False
+    faults: tuple[str, ...] = ()
+    control: str | None = None
 
 
 def run_scenario(
@@ -52,22 +55,19 @@ def run_scenario(
     scenario = with_profile(scenario, options)
     with contextlib.ExitStack() as stack:
         _require_places(scenario, options)
-        line = build_line(scenario)
+        line = with_faults(build_line(scenario), options)
         period_ns = scenario.config.cycle_ms * 1_000_000
         ticks = tick_count(scenario, line.source)
-        if line.needs_bus and options.fast and options.bus is None:
-            control = scenario.config.ego.control
-            raise ConfigError(
-                f'{scenario.name}: ego.control = "{control}": with --fast and no --bus nothing can arrive'
-            )
+        require_inputs(scenario, line, options)
         if ticks is None and options.fast:
             raise ConfigError(f"{scenario.name}: the drive never ends; with --fast give --duration S")
-        bus = _bus(options, line)
+        bus = open_run_bus(options, line)
         if bus is not None:
             stack.callback(bus.close)
             bus.tell(say)
-        _keep_memory()
-        _warm_up(line, period_ns)
+        control = _control(options, stack, say)
+        keep_memory()
+        warm_up(line, period_ns)
         clock: Clock = SimulatedClock() if options.fast else MonotonicClock()
         sinks = _sinks(scenario, options, line, stack)
         if bus is not None:
@@ -98,6 +98,7 @@ def run_scenario(
             stop=stopped,
             on_tick=on_tick,
             real_time=not options.fast,
+            control=control,
         )
     if bus is not None:
         summary.notes += bus.report()
@@ -117,6 +118,25 @@ def with_profile(scenario: Scenario, options: RunOptions) -> Scenario:
     dbc = str(options.dbc.resolve()) if options.dbc else (None if options.profile else output.dbc)
     changed = msgspec.structs.replace(output, profile=profile, dbc=dbc)
     return msgspec.structs.replace(scenario, config=msgspec.structs.replace(scenario.config, output=changed))
+
+
+def with_faults(line: Line, options: RunOptions) -> Line:
+    """Return the line with the faults that the command line plans beside the scenario's."""
+    if not options.faults:
+        return line
+    more = tuple(parse_fault(text, line.profile) for text in options.faults)
+    return replace(line, timeline=(*line.timeline, *more))
+
+
+def _control(options: RunOptions, stack: contextlib.ExitStack, say: Say) -> Control | None:
+    """Open the control socket that was asked for; it is closed when the stack unwinds."""
+    if options.control is None:
+        return None
+    from vsensor.control import ControlServer, parse_address
+
+    server = stack.enter_context(ControlServer(parse_address(options.control)))
+    say(f"control at {server.name}: one JSON object a line")
+    return server
 
 
 def _rhythm(line: Line) -> str:
@@ -146,7 +166,17 @@ def _require_places(scenario: Scenario, options: RunOptions) -> None:
         raise ConfigError("--images and --video need --fast: an image takes longer than a cycle to draw")
 
 
-def _bus(options: RunOptions, line: Line) -> FrameBus | None:
+def require_inputs(scenario: Scenario, line: Line, options: RunOptions) -> None:
+    """Refuse a drive that listens where nothing can arrive."""
+    if line.needs_bus and options.fast and options.bus is None:
+        control = scenario.config.ego.control
+        raise ConfigError(
+            f'{scenario.name}: ego.control = "{control}": with --fast and no --bus nothing can arrive'
+        )
+
+
+def open_run_bus(options: RunOptions, line: Line) -> FrameBus | None:
+    """Open the bus that the options name; None where nothing is sent."""
     if options.fast and options.bus is None:
         return None
     bus = open_bus("auto" if options.bus is None else options.bus, fd=line.is_fd)
@@ -227,12 +257,12 @@ def _tell_start(sinks: Sequence[Sink], epoch_ns: int) -> None:
             sink.starts_at(epoch_ns)
 
 
-def _warm_up(line: Line, period_ns: int) -> None:
+def warm_up(line: Line, period_ns: int) -> None:
     """Compute the first tick and throw it away: it imports and allocates what no slot should wait for."""
     line.compute(line.initial_state(), Tick(index=0, t_ns=0, period_ns=period_ns))
 
 
-def _keep_memory() -> None:
+def keep_memory() -> None:
     """Let glibc keep freed memory: arrays that go back to the kernel fault in again, tick by tick.
 
     Measured on the camera stage: 0.40 ms without, 0.18 ms with. mallopt(3) numbers from malloc.h.

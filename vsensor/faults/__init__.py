@@ -8,7 +8,7 @@ as ever.
 """
 
 from vsensor.faults.config import FaultConfig
-from vsensor.faults.fault import Fault, fault_of, faults_of
+from vsensor.faults.fault import Fault, fault_of, faults_of, overriding
 from vsensor.faults.kinds import KINDS, Kind
 from vsensor.faults.lines import spoiled_lines
 from vsensor.faults.spoiled import NOT_SPOILED, Spoiled
@@ -25,6 +25,7 @@ from vsensor.faults.state import (
     advance,
     initial_state,
 )
+from vsensor.faults.told import parse_fault
 
 __all__ = [
     "KINDS",
@@ -46,5 +47,7 @@ __all__ = [
     "fault_of",
     "faults_of",
     "initial_state",
+    "overriding",
+    "parse_fault",
     "spoiled_lines",
 ]

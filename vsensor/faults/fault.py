@@ -81,6 +81,13 @@ def fault_of(told: FaultConfig | Mapping[str, Any], profile: Profile, where: str
         raise ConfigError(f"{where}: {error}") from None
 
 
+def overriding(told: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the table of the fault that sends a `value` or `raw` of a `quantity` or `signal` instead."""
+    if "signal" in told:
+        return {"kind": "signal_raw" if "raw" in told else "signal_value", **told}
+    return {"kind": "override", **told}
+
+
 def faults_of(told: Iterable[FaultConfig], profile: Profile) -> tuple[Fault, ...]:
     """Compile the `[[fault]]` tables of a scenario; raises ConfigError naming the table's number."""
     return tuple(fault_of(config, profile, f"fault[{number}]") for number, config in enumerate(told))
@@ -121,7 +128,7 @@ def _ns(seconds: float | None) -> int | None:
 def _kind(config: FaultConfig) -> Kind:
     """Return the kind, and refuse keys that it does not know, or that are missing."""
     if config.kind not in KINDS:
-        raise ConfigError(f"kind = {config.kind!r}: {_hint(config.kind, KINDS)}")
+        raise ConfigError(f"kind = {config.kind!r}: not known; {_hint(config.kind, KINDS)}")
     kind = KINDS[config.kind]
     known = {"kind", "at_s", *kind.needs, *kind.takes, *kind.lasts}
     given = [key for key in FaultConfig.__struct_fields__ if getattr(config, key) is not None]
@@ -140,7 +147,7 @@ def _kind(config: FaultConfig) -> Kind:
 def _hint(wrong: str, known: Iterable[str]) -> str:
     names = list(known)
     near = difflib.get_close_matches(wrong, names, n=1, cutoff=0.5)
-    return f"not known; did you mean {near[0]}?" if near else f"not known; known: {', '.join(names)}"
+    return f"did you mean {near[0]}?" if near else f"known: {', '.join(names)}"
 
 
 def _require_known(key: str, name: str, known: Sequence[str], profile: Profile) -> None:

@@ -91,14 +91,19 @@ class Loop:
         self.index = index + 1
         return True
 
-    def finish(self) -> Summary:
-        """Return what the run did."""
+    def so_far(self) -> Summary:
+        """Return what the run did so far."""
         summary = self.summary
         summary.frames_refused = self._outbox.frames_refused
         summary.groups_dropped = self._outbox.groups_dropped
-        summary.notes += self.line.remarks(self.state)
         summary.ticks = self.index
         summary.wall_s = time.perf_counter() - self._began
+        return summary
+
+    def finish(self) -> Summary:
+        """Return what the run did, with what is to be said at its end."""
+        summary = self.so_far()
+        summary.notes += self.line.remarks(self.state)
         return summary
 
     def _hand_on(self, output: Output, lateness_ns: int) -> None:
