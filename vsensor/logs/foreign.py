@@ -127,6 +127,8 @@ def read_asc(stream: TextIO, notes: Notes, chunk: int = BATCH) -> Iterator[Colum
     def record(message: can.Message) -> Record | None:
         if message.dlc > CLASSIC_BYTES and not message.is_fd and _asc_length(lines.pending) > 15:
             return None
+        if message.is_fd and message.dlc == 0:
+            message.is_remote_frame = False  # to python-can every FD frame without data is a remote frame
         name = str(message.channel + 1) if isinstance(message.channel, int) else "1"
         return _record(message, notes.channel(name), lines.epoch_ns + round(message.timestamp * 1e9))
 

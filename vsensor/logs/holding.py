@@ -2,8 +2,8 @@
 
     format  times   does not hold
     .log    1 ns    remote CAN FD frames
-    .asc    1 us    names of channels; of an error frame, more than when and where
-    .blf    1 ns    the same
+    .asc    1 us    remote CAN FD frames; names of channels; of an error frame, more than when and where
+    .blf    1 ns    names of channels; of an error frame, more than when and where
     .mf4    1 ns    names of channels; the order of frames whose time runs backwards
     .trc    1 us    names of channels; CAN FD (readers disagree about its flags); error frames
     .csv    1 ns    CAN FD; channels; directions
@@ -49,7 +49,7 @@ class Format:
 
 FORMATS: dict[str, Format] = {
     ".log": Format(fd_remote=False, names=True),
-    ".asc": Format(resolution_ns=1000, error_details=False, from_start=True),
+    ".asc": Format(resolution_ns=1000, fd_remote=False, error_details=False, from_start=True),
     ".blf": Format(error_details=False, from_start=True),
     ".mf4": Format(order=False, negative=True),
     ".trc": Format(resolution_ns=1000, fd=False, fd_remote=False, errors=False, from_start=True),
