@@ -2,6 +2,9 @@
 
 import json
 import math
+import socket
+import subprocess
+import sys
 
 import pytest
 
@@ -179,3 +182,28 @@ def test_a_run_says_where_its_socket_is_and_takes_it_away(tmp_path, capsys):
     assert main(["run", "--fast", "--duration", "1", "--control", f"unix:{path}"]) == 0
     assert f"control at unix:{path}" in capsys.readouterr().err
     assert not path.exists()
+
+
+def test_another_program_stops_a_run_that_never_ends(tmp_path):
+    path = tmp_path / "socket"
+    words = ["run", "--bus", "virtual:control", "--quiet", "--duration", "600", "--control", f"unix:{path}"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "vsensor.cli", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        try:
+            while f"control at unix:{path}" not in process.stderr.readline():
+                assert process.poll() is None, "the run ended before it listened"
+            with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
+                client.settimeout(60)
+                client.connect(str(path))
+                client.sendall(b'{"do": "inject", "kind": "bus_off"}\n{"do": "stop"}\n')
+                with client.makefile() as answers:
+                    assert [json.loads(answers.readline())["ok"] for _ in range(2)] == [True, True]
+            out, _ = process.communicate(timeout=60)
+        finally:
+            process.kill()
+    assert process.returncode == 0
+    assert "slots dropped" in out

@@ -124,7 +124,7 @@ VCAN = [command for command in commands() if command.startswith("tools/vcan ")]
 
 def test_every_command_of_readme_is_of_a_kind_that_is_tested():
     assert sorted(commands()) == sorted([*VSENSOR, *MAKE, *VCAN])
-    assert {command.split()[1] for command in VSENSOR} == {"run", "check", "decode", "score", "sweep"}
+    assert {command.split()[1] for command in VSENSOR} == {"run", "check", "decode", "score", "accept", "sweep"}
     assert MAKE
     assert VCAN
 
@@ -164,10 +164,31 @@ def test_a_command_of_readme_runs_on_vcan(command):
     assert re.search(r"frames sent [1-9]", done.stdout)
 
 
-@pytest.mark.parametrize("number", range(len(blocks("python"))))
+TEST_FILES = [block for block in blocks("python") if block.startswith("# test_")]
+PROGRAMS = [block for block in blocks("python") if block not in TEST_FILES]
+
+
+@pytest.mark.parametrize("number", range(len(TEST_FILES)))
+def test_a_test_file_of_readme_passes(number, folder):
+    name = TEST_FILES[number].split()[1]
+    (folder / name).write_text(TEST_FILES[number], encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-m", "pytest", "-q", "-p", "no:cacheprovider", name],
+        cwd=folder,
+        env=dict(os.environ, PYTHONPATH=str(ROOT)),
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert f"{TEST_FILES[number].count('def test_')} passed" in done.stdout
+
+
+@pytest.mark.parametrize("number", range(len(PROGRAMS)))
 def test_the_python_of_readme_runs(number, folder):
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", blocks("python")[number]],
+        [sys.executable, "-W", "error", "-c", PROGRAMS[number]],
         cwd=folder,
         env=dict(os.environ, PYTHONPATH=str(ROOT)),
         capture_output=True,
@@ -240,12 +261,13 @@ def test_the_codes_of_the_trace_are_those_of_the_program():
 
 
 def test_the_schemas_are_those_of_the_program():
+    from vsensor.accept import SCHEMA as LIMITS
     from vsensor.config import SCHEMA as SCENARIO
     from vsensor.error_model import SCHEMA as ERROR_MODEL
     from vsensor.profile import SCHEMA as PROFILE
 
     said = {codes(row[1])[0] for row in table("| file | schema | what |")}
-    assert said == {SCENARIO, PROFILE, ERROR_MODEL, SCHEMA}
+    assert said == {SCENARIO, PROFILE, ERROR_MODEL, LIMITS, SCHEMA}
 
 
 def test_the_frame_table_has_the_messages_of_the_native_dbc_with_their_ids():
@@ -287,7 +309,7 @@ def test_the_commands_table_has_every_command_of_the_program(capsys):
 
 def test_every_option_that_readme_names_is_one_of_the_program(capsys):
     offered = {"--seconds"}
-    for command in ("run", "check", "decode", "score", "sweep"):
+    for command in ("run", "check", "decode", "score", "accept", "sweep"):
         with pytest.raises(SystemExit):
             main([command, "--help"])
         offered |= set(re.findall(r"--[a-z]+", capsys.readouterr().out))
