@@ -18,7 +18,7 @@ _BENDS = {
 }
 """Quantity -> what it may add to the slope up to there, at most."""
 _LEAST_COSINE = 0.9
-_REPORTING = [float(mode) for mode in SensorMode if mode.reports_lines]
+_BLIND = [float(mode) for mode in SensorMode if not mode.reports_lines]
 
 
 class Contradictions:
@@ -67,8 +67,8 @@ class Contradictions:
             self._judge_flags(rows, line, there)
         if rows.has("sensor.state"):
             state = rows.values["sensor.state"]
-            asleep = rows.sent["sensor.state"] & ~np.isnan(state) & ~np.isin(state, _REPORTING)
-            self._note(rows, asleep & there, "sensor.state", f"{line} reported while the sensor sees nothing")
+            text = f"{line} reported while the sensor sees nothing"
+            self._note(rows, np.isin(state, _BLIND) & there, "sensor.state", text)
         ends = f"{line}.x_min_m", f"{line}.x_max_m"
         if rows.has(*ends):
             past_m = rows.values[ends[0]] - rows.values[ends[1]]

@@ -125,7 +125,6 @@ class Watch:
 
     def _note_missing(self, t_ns: IntArray | list[int], count: int, worst_ms: list[float]) -> None:
         limit = self._pace.longest_ns / 1e6 if self._pace is not None else None
-        self.missing += count
         self._book.note(
             "missing", self.name, t_ns, worst=worst_ms, count=count, limit=limit, unit="ms of silence"
         )
@@ -201,6 +200,7 @@ class Watch:
     def _note_intervals(self, pace: Pace, judged: Judged, lasted_ms: Array, times: IntArray) -> None:
         lost = judged.missing > 0
         if lost.any():
+            self.missing += int(judged.missing.sum())
             self._note_missing(times[lost], int(judged.missing.sum()), lasted_ms[lost].tolist())
         self.extra += int(np.count_nonzero(judged.extra))
         self.late += int(np.count_nonzero(judged.late))
