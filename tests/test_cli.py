@@ -492,8 +492,8 @@ def no_file_longer_than(size):
 @pytest.mark.parametrize(
     ("name", "left"),
     [
-        *((f"out.{suffix}", True) for suffix in ("log", "asc", "blf")),
-        *((f"out.{suffix}", False) for suffix in ("mf4", "npz", "csv", "parquet")),
+        *((f"out.{suffix}", True) for suffix in ("log", "asc", "blf", "mf4")),
+        *((f"out.{suffix}", False) for suffix in ("npz", "csv", "parquet")),
     ],
 )
 def test_a_full_disk_is_one_line_and_leaves_what_can_be_read(capsys, tmp_path, name, left):

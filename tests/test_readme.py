@@ -117,6 +117,7 @@ def results(folder):
     return found
 
 
+OFFERED = ("run", "check", "decode", "convert", "score", "accept", "sweep")
 VSENSOR = [command for command in commands() if command.startswith("vsensor ")]
 MAKE = [command for command in commands() if command.startswith("make ")]
 VCAN = [command for command in commands() if command.startswith("tools/vcan ")]
@@ -124,7 +125,7 @@ VCAN = [command for command in commands() if command.startswith("tools/vcan ")]
 
 def test_every_command_of_readme_is_of_a_kind_that_is_tested():
     assert sorted(commands()) == sorted([*VSENSOR, *MAKE, *VCAN])
-    assert {command.split()[1] for command in VSENSOR} == {"run", "check", "decode", "score", "accept", "sweep"}
+    assert {command.split()[1] for command in VSENSOR} == set(OFFERED)
     assert MAKE
     assert VCAN
 
@@ -309,7 +310,7 @@ def test_the_commands_table_has_every_command_of_the_program(capsys):
 
 def test_every_option_that_readme_names_is_one_of_the_program(capsys):
     offered = {"--seconds"}
-    for command in ("run", "check", "decode", "score", "accept", "sweep"):
+    for command in OFFERED:
         with pytest.raises(SystemExit):
             main([command, "--help"])
         offered |= set(re.findall(r"--[a-z]+", capsys.readouterr().out))

@@ -39,6 +39,18 @@ Decode the lane signals of a CAN log through a profile: a table on a terminal, C
   vsensor decode out.blf --profile native --csv > lanes.csv
 """
 
+CONVERT_HELP = """\
+Write a CAN log in another format, which the suffix of OUT says; .parquet holds decoded signals.
+
+  vsensor convert drive.blf drive.mf4
+  vsensor convert drive.log drive.csv --lossy          leaves out what CSV cannot hold, and says what
+  vsensor convert frames.log drive.asc --rate 100      text without times: 100 frames per second
+  vsensor convert drive.blf drive.parquet --dbc car.dbc         a row per signal of a frame
+  vsensor convert drive.blf lanes.parquet --profile native      a row per image
+
+What OUT cannot hold is refused without --lossy. OUT appears when it is whole.
+"""
+
 SCORE_HELP = """\
 Compare output with truth in a trace that `vsensor run --trace FILE` wrote.
 
@@ -168,6 +180,28 @@ def decode(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def convert(arguments: argparse.Namespace) -> int:
+    """`vsensor convert`: a log in another format, or decoded."""
+    from vsensor.logs.convert import convert_log
+    from vsensor.logs.parquet import decode_to_parquet
+    from vsensor.logs.progress import progress_bar
+
+    source, target, rate_hz = arguments.log, arguments.out, arguments.rate
+    decoding = target.suffix.lower() == ".parquet"
+    if not decoding and (arguments.profile or arguments.dbc):
+        raise ConfigError(f"{target}: --dbc and --profile decode signals, into .parquet")
+    with progress_bar(source, shown=sys.stderr.isatty() and not arguments.quiet) as progress:
+        if decoding:
+            by = {"profiles": arguments.profile or [], "dbc": arguments.dbc}
+            done = decode_to_parquet(source, target, **by, rate_hz=rate_hz, progress=progress)
+        else:
+            done = convert_log(source, target, lossy=arguments.lossy, rate_hz=rate_hz, progress=progress)
+    print("\n".join(done.lines()))
+    for one in done.notes:
+        _note(one)
+    return 0
+
+
 def score(arguments: argparse.Namespace) -> int:
     """`vsensor score`: output against truth."""
     from vsensor.score import score_trace
@@ -239,6 +273,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_run(commands)
     _add_check(commands)
     _add_decode(commands)
+    _add_convert(commands)
     _add_score(commands)
     _add_accept(commands)
     _add_sweep(commands)
@@ -334,6 +369,19 @@ def _add_decode(commands: "Commands") -> None:
     added.add_argument("--csv", action="store_true", help="comma-separated values instead of a table")
 
 
+def _add_convert(commands: "Commands") -> None:
+    added = _command(commands, "convert", convert, CONVERT_HELP)
+    added.add_argument("log", type=Path, help="CAN log: .log .asc .blf .mf4 .trc .csv, also gzipped")
+    added.add_argument("out", type=Path, help="the same formats, .gz behind those of text; or .parquet")
+    added.add_argument("--lossy", action="store_true", help="leave out what OUT cannot hold, and list it")
+    added.add_argument("--rate", type=_hertz, metavar="HZ", help="frames per second, for text without times")
+    added.add_argument("--dbc", type=Path, metavar="FILE", help="decode into .parquet by this database")
+    added.add_argument(
+        "--profile", action="append", metavar="NAME", help="decode into .parquet by this profile; repeatable"
+    )
+    added.add_argument("--quiet", action="store_true", help="no progress bar")
+
+
 def _add_score(commands: "Commands") -> None:
     added = _command(commands, "score", score, SCORE_HELP)
     added.add_argument("trace", type=Path, help="trace file: .npz .csv .parquet")
@@ -381,6 +429,16 @@ def _positive(text: str) -> float:
         value = math.nan
     if not 0.0 < value <= 31_536_000.0:
         raise argparse.ArgumentTypeError(f"{text} s: expected a time above 0, at most a year")
+    return value
+
+
+def _hertz(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 1e-3 <= value <= 1e9:
+        raise argparse.ArgumentTypeError(f"{text}: expected a rate per second, above 0")
     return value
 
 

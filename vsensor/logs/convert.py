@@ -21,16 +21,17 @@ Progress = Callable[[int], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conversion:
-    """What came of it: frames written; `lost` and `notes` as sentences, [] if everything is there."""
+    """What came of it: frames written (or `what` it counts); `lost` and `notes` as sentences."""
 
     path: Path
     frames: int
     lost: tuple[str, ...]
     notes: tuple[str, ...]
+    what: str = "frames"
 
     def lines(self) -> list[str]:
         """Return what was written, and what was left out."""
-        return [f"{self.path}: {self.frames} frames", *(f"left out: {one}" for one in self.lost)]
+        return [f"{self.path}: {self.frames} {self.what}", *(f"left out: {one}" for one in self.lost)]
 
 
 def convert_log(
