@@ -222,6 +222,8 @@ def _patch(config: FaultConfig, profile: Profile) -> tuple[int, Patch]:
         raise ConfigError(f"signal = {where}: protects the frame: crc_wrong and counter_... are for it")
     constants = [{**plan.constants, **page} for page in plan.pages]
     pages = frozenset(n for n, raws in enumerate(constants) if plan.layout.is_present(signal, raws))
+    if not pages:
+        raise ConfigError(f"signal = {where}: is in no frame that is sent")
     return place, Patch(pages=pages, field=field, raw=_raw(config, signal, where))
 
 
