@@ -158,9 +158,10 @@ def _run(arguments: argparse.Namespace, stopped: Callable[[], bool]) -> int:
 
 def check(arguments: argparse.Namespace) -> int:
     """`vsensor check`: load everything, say what is on, audit the DBC, send nothing."""
-    from vsensor.check import check_file
+    from vsensor.check import BusSpeed, check_file
 
-    report = check_file(arguments.file, profile=arguments.profile, dbc=arguments.dbc)
+    bus = BusSpeed(nominal_bps=arguments.bitrate, data_bps=arguments.data_bitrate)
+    report = check_file(arguments.file, profile=arguments.profile, dbc=arguments.dbc, bus=bus)
     print("\n".join(report.lines))
     return 1 if report.findings else 0
 
@@ -357,6 +358,16 @@ def _add_check(commands: "Commands") -> None:
     added.add_argument("file", help="scenario, profile, map, DBC or log; or a shipped name")
     added.add_argument("--profile", metavar="NAME", help="check with this profile instead of the scenario's")
     added.add_argument("--dbc", type=Path, metavar="FILE", help="the database that the profile maps")
+    added.add_argument(
+        "--bitrate",
+        type=_bitrate,
+        default="500k",
+        metavar="RATE",
+        help="of the bus whose load is told (500k)",
+    )
+    added.add_argument(
+        "--data-bitrate", type=_bitrate, default="2M", metavar="RATE", help="of CAN FD's data phase (2M)"
+    )
 
 
 def _add_decode(commands: "Commands") -> None:
@@ -439,6 +450,18 @@ def _hertz(text: str) -> float:
         value = math.nan
     if not 1e-3 <= value <= 1e9:
         raise argparse.ArgumentTypeError(f"{text}: expected a rate per second, above 0")
+    return value
+
+
+def _bitrate(text: str) -> float:
+    sizes = {"k": 1e3, "M": 1e6}
+    size = sizes.get(text[-1:], 1.0)
+    try:
+        value = float(text.rstrip("kM")) * size
+    except ValueError:
+        value = math.nan
+    if not 1e3 <= value <= 20e6:
+        raise argparse.ArgumentTypeError(f"{text}: expected bits per second such as 500k, 2M, 125000")
     return value
 
 

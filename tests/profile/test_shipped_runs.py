@@ -1,4 +1,4 @@
-"""What `vsensor run --log` writes through each shipped profile, `vsensor decode` reads back: the lines of the run."""
+"""What `vsensor run --log` writes through each shipped profile, `vsensor decode` reads back."""
 
 import numpy as np
 import pytest

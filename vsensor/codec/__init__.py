@@ -12,7 +12,7 @@ does, and saturates to what the bits hold (never wraps; a declared range narrowe
 clip: many are placeholders). SNA is the raw value that says "signal not available".
 """
 
-from vsensor.codec.audit import audit, excess_range, overlaps
+from vsensor.codec.audit import audit, excess_range, is_placeholder, overlaps, wrong_raws
 from vsensor.codec.bulk import BulkReader, decode_bulk
 from vsensor.codec.frame import (
     decode,
@@ -37,6 +37,7 @@ __all__ = [
     "encode",
     "excess_range",
     "float_bits",
+    "is_placeholder",
     "load_database",
     "number_range",
     "overlaps",
@@ -44,4 +45,5 @@ __all__ = [
     "quantise",
     "to_physical",
     "unpack",
+    "wrong_raws",
 ]

@@ -21,15 +21,22 @@ def _audit_signal(signal: SignalLayout) -> list[str]:
     low, high, ends = signal.minimum, signal.maximum, _ends(signal)
     excess = excess_range(signal)
     found = [excess] if excess else []
-    if _is_placeholder(signal):
+    if is_placeholder(signal):
         found.append(f"range [{low:g}|{high:g}] is a placeholder, the bits hold [{ends[0]:g}|{ends[1]:g}]")
-    for word, raw in (("start value", signal.start_raw), ("SNA value", signal.sna_raw)):
-        if raw is not None and not signal.raw_min <= raw <= signal.raw_max:
-            found.append(f"{word} {raw:g} (raw) is not among [{signal.raw_min}|{signal.raw_max}]")
-    return found
+    return [*found, *wrong_raws(signal)]
 
 
-def _is_placeholder(signal: SignalLayout) -> bool:
+def wrong_raws(signal: SignalLayout) -> list[str]:
+    """Return which of start and SNA value the bits do not hold."""
+    raws = () if signal.is_float else (("start value", signal.start_raw), ("SNA value", signal.sna_raw))
+    return [
+        f"{word} {raw:g} (raw) is not among [{signal.raw_min}|{signal.raw_max}]"
+        for word, raw in raws
+        if raw is not None and not signal.raw_min <= raw <= signal.raw_max
+    ]
+
+
+def is_placeholder(signal: SignalLayout) -> bool:
     """Return whether nobody wrote a range: editors of databases then put [0|1] or [0|0]."""
     return (signal.minimum, signal.maximum) in ((0, 1), (0, 0)) and signal.length > 1
 
@@ -41,7 +48,7 @@ def excess_range(signal: SignalLayout, steps: float = 0.5) -> str:
     """
     low, high, ends = signal.minimum, signal.maximum, _ends(signal)
     slack = abs(signal.scale) * steps
-    if signal.is_float or low is None or high is None or _is_placeholder(signal):
+    if signal.is_float or low is None or high is None or is_placeholder(signal):
         return ""
     if low >= ends[0] - slack and high <= ends[1] + slack:
         return ""

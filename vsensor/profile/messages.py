@@ -88,7 +88,13 @@ def _message(
         mux=config.mux,
         padding=_padding(profile, layout, config),
         bitrate_switch=layout.is_fd and _bitrate_switch(profile, layout, config),
+        unnamed=_unnamed(layout, config),
     )
+
+
+def _unnamed(layout: Layout, config: MessageConfig) -> tuple[str, ...]:
+    said = {*config.signals, *protecting(config.e2e), *layout.muxers}
+    return tuple(name for name in layout.signals if name not in said)
 
 
 def _carried(profile: ProfileConfig, layout: Layout, config: MessageConfig, message: str) -> _Carried:

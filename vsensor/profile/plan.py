@@ -15,6 +15,7 @@ class MessagePlan:
     """One message of a profile.
 
     `bindings` are encoded, `told` of them are decoded. `constants` are the raw values of all other signals.
+    Of the signals `unnamed` the profile has no word.
     `pages`: the multiplexers' values of its frames, sent as `mux` says; `padding` follows its data.
     """
 
@@ -29,6 +30,7 @@ class MessagePlan:
     mux: str = "together"
     padding: bytes = b""
     bitrate_switch: bool = False
+    unnamed: tuple[str, ...] = ()
 
     @property
     def cycle_ns(self) -> int:

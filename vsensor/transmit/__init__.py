@@ -5,7 +5,7 @@ that was dropped (transmit was not called, or its state not kept) leaves the ali
 Other messages are sent when they change, or while they are active: see schedule.step.
 """
 
-from vsensor.transmit.encode import Encoder
+from vsensor.transmit.encode import Encoder, refused_range
 from vsensor.transmit.schedule import Happening, MessageState, common_ns, is_due, slot_period_ns, step
 from vsensor.transmit.stage import (
     TransmitState,
@@ -25,6 +25,7 @@ __all__ = [
     "common_ns",
     "initial_state",
     "is_due",
+    "refused_range",
     "restarted",
     "slot_period_ns",
     "step",

@@ -188,13 +188,17 @@ def _require_sendable(profile: Profile, bindings: Sequence[tuple[MessagePlan, Bi
                     f"{where}: the multiplexer says which signals are in the frame and cannot carry "
                     f"{binding.quantity}; leave it out, or give a constant"
                 )
-            excess = excess_range(signal, _SLACK_STEPS)
-            if excess and profile.wide_ranges == "refuse":
+            if excess := refused_range(profile, signal):
                 where = f"{profile.database}: {plan.layout.name}.{signal.name}"
                 raise DbcError(
                     f"{where}: {excess}; nobody can tell what an ECU reads there: mend the database, or say "
                     'wide_ranges = "saturate" in the profile'
                 )
+
+
+def refused_range(profile: Profile, signal: SignalLayout) -> str:
+    """Return why the declared range of a signal is not sent; "" if it is."""
+    return excess_range(signal, _SLACK_STEPS) if profile.wide_ranges == "refuse" else ""
 
 
 def _is_plain(binding: Binding) -> bool:

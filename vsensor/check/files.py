@@ -1,4 +1,4 @@
-"""`vsensor check FILE`: load everything, say which models are on and what they cost, audit, send nothing."""
+"""Files of every kind: load everything, say which models are on and what they cost, audit, send nothing."""
 
 import time
 from dataclasses import dataclass
@@ -10,6 +10,8 @@ import numpy as np
 
 from vsensor import motion
 from vsensor.camera import Camera
+from vsensor.check.busload import DEFAULT_SPEED, BusSpeed
+from vsensor.check.profile import profile_findings, profile_lines
 from vsensor.clock import SimulatedClock
 from vsensor.codec import Database, audit, load_database
 from vsensor.config import SHIPPED, Scenario, load_scenario
@@ -18,25 +20,17 @@ from vsensor.line import Line, build_line
 from vsensor.logs import read_log
 from vsensor.motion import MotionConfig
 from vsensor.pitfalls import pitfalls
-from vsensor.profile import (
-    QUANTITIES,
-    MessagePlan,
-    Profile,
-    load_profile,
-    quantisation_error_m,
-    shipped_profiles,
-)
+from vsensor.profile import load_profile, shipped_profiles
 from vsensor.runner import STAGES, run_loop
 from vsensor.schema import read_toml, user_path
 from vsensor.sources import LOG_SUFFIXES, MAP_SUFFIXES
-from vsensor.types import SIDE_NAMES, EgoState, Tick
+from vsensor.types import EgoState, Tick
 from vsensor.world.corridor import Corridor
 from vsensor.world.opendrive import load_map
 
 DATABASE_SUFFIXES = (".dbc", ".arxml", ".kcd", ".sym")
 TRACE_SUFFIXES = (".npz", ".parquet")
 TRIAL_TICKS = 100
-BITS_PER_FRAME = 47 + 64 * 1.2  # classic frame of 8 bytes: overhead, and data with a fifth of stuff bits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,8 +41,13 @@ class Report:
     findings: tuple[str, ...]
 
 
-def check_file(file: str, profile: str | None = None, dbc: Path | None = None) -> Report:
-    """Check a scenario, profile, map, database or log by its suffix and content; raises VsensorError."""
+def check_file(
+    file: str, profile: str | None = None, dbc: Path | None = None, bus: BusSpeed = DEFAULT_SPEED
+) -> Report:
+    """Check a scenario, profile, map, database or log by its suffix and content; raises VsensorError.
+
+    `bus`: the bit rates at which the load of a sensor's profile is told.
+    """
     path = user_path(file)
     suffix = path.suffix.lower()
     if suffix in DATABASE_SUFFIXES:
@@ -58,12 +57,13 @@ def check_file(file: str, profile: str | None = None, dbc: Path | None = None) -
     if suffix in LOG_SUFFIXES:
         return _check_log(path)
     if _is_profile(path, file):
-        return _check_profile(load_profile(file, dbc))
+        loaded = load_profile(file, dbc)
+        return _report([], profile_findings(loaded, bus), profile_lines(loaded, bus))
     if suffix in TRACE_SUFFIXES and path.exists():
         raise ConfigError(
             f"{file}: not a scenario, profile, map, database or log; vsensor score takes traces"
         )
-    return _check_scenario(load_scenario(file), profile, dbc)
+    return _check_scenario(load_scenario(file), profile, dbc, bus)
 
 
 def _is_profile(path: Path, name: str) -> bool:
@@ -81,64 +81,6 @@ def _report(head: list[str], findings: list[str], tail: list[str]) -> Report:
 def _database_lines(database: Database) -> list[str]:
     count = sum(len(layout.signals) for layout in database.layouts.values())
     return [f"{len(database.layouts)} messages, {count} signals"]
-
-
-def _check_profile(profile: Profile) -> Report:
-    findings = [*audit(load_database(profile.database)), *_sending_findings(profile)]
-    return _report([], findings, _profile_lines(profile))
-
-
-def _rhythm(plan: MessagePlan) -> str:
-    """Return when a message leaves, as a person says it."""
-    sending = plan.sending
-    words = [f"every {sending.cycle_ns / 1e6:g} ms"] if sending.cycle_ns or not sending.is_event else []
-    words += ["at every image"] * sending.on_write + ["on change"] * sending.on_change
-    words += [f"every {sending.fast_cycle_ns / 1e6:g} ms while active"] if sending.active else []
-    return " and ".join(words)
-
-
-def _sending_findings(profile: Profile) -> list[str]:
-    return [text for plan in profile.messages for text in plan.sending.findings]
-
-
-def _profile_lines(profile: Profile) -> list[str]:
-    lines = [f"profile {profile.name} ({profile.path}), role {profile.role}, database {profile.database}"]
-    frames_per_s = 0.0
-    for plan in profile.messages:
-        guard = "" if plan.guard is None else f", E2E {plan.guard.label}"
-        layout, cycle_ms = plan.layout, plan.cycle_ns / 1e6
-        frames_per_s += 1e3 / cycle_ms if cycle_ms else 0.0
-        lines.append(
-            f"  0x{layout.arbitration_id:03X} {layout.name:<24} {layout.length} bytes {_rhythm(plan)}"
-            f", {len(plan.bindings)} quantities{guard}"
-        )
-    errors = quantisation_error_m(profile)
-    if profile.role == "sensor":
-        lines += _without_sna(profile)
-        shown = ", ".join(f"{1e3 * error:.1f} mm at {x:g} m" for x, error in errors.items())
-        lines.append(f"  quantisation adds at most {shown}")
-        load = frames_per_s * BITS_PER_FRAME / 500e3
-        lines.append(f"  {frames_per_s:.0f} frames/s, about {100 * load:.1f} % of a bus of 500 kbit/s")
-    return lines
-
-
-def _needs_line(quantity: str) -> bool:
-    """Return whether a quantity is a measure that there is none of where no line is seen."""
-    return quantity.split(".")[0] in (*SIDE_NAMES.values(), "lane") and QUANTITIES[quantity].unit != ""
-
-
-def _without_sna(profile: Profile) -> list[str]:
-    """Say which numbers go out as their start value while there is none, for want of an SNA value."""
-    found = [
-        f"{plan.layout.name}.{signal.name} ({binding.signal.physical(signal.start_raw):g})"
-        for plan in profile.messages
-        for binding in plan.bindings
-        for signal in (binding.signal,)
-        if _needs_line(binding.quantity) and signal.sna_raw is None and binding.raw_of_code is None
-    ]
-    return [
-        f"  no SNA value, so sent as their start value while there is no line: {', '.join(found)}"
-    ] * bool(found)
 
 
 def _check_map(path: Path) -> Report:
@@ -160,17 +102,17 @@ def _check_log(path: Path) -> Report:
     return _report([], problems, [line for line in report.lines() if line not in problems])
 
 
-def _check_scenario(scenario: Scenario, profile: str | None, dbc: Path | None) -> Report:
+def _check_scenario(scenario: Scenario, profile: str | None, dbc: Path | None, bus: BusSpeed) -> Report:
     from vsensor.run import RunOptions, with_profile
 
     scenario = with_profile(scenario, RunOptions(profile=profile, dbc=dbc))
     line = build_line(scenario)
     uneven = line.uneven(scenario.config.cycle_ms * 1_000_000)
-    findings = [*line.source.findings, *uneven, *audit(load_database(line.profile.database))]
-    findings += [*_sending_findings(line.profile), *pitfalls(scenario, line)]
+    findings = [*line.source.findings, *uneven, *profile_findings(line.profile, bus)]
+    findings += pitfalls(scenario, line)
     head = [f"scenario {scenario.name}: source {scenario.source}", *line.source.notes]
     head += [f"fault planned: {fault.text()}" for fault in line.timeline]
-    return _report(head, findings, [*_model_lines(scenario, line), *_profile_lines(line.profile)])
+    return _report(head, findings, [*_model_lines(scenario, line), *profile_lines(line.profile, bus)])
 
 
 def _motion_lines(line: Line, config: MotionConfig, period_ns: int) -> list[str]:
