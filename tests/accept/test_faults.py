@@ -45,8 +45,7 @@ def test_every_lost_frame_is_counted():
 
 
 def test_half_of_the_frames_lost_is_no_other_cycle():
-    images = range(1, 60, 2)
-    counts = found(spoiled(lost, images=images, of=61))
+    counts = found(spoiled(lost, images=range(1, 61, 2), of=80))
     assert counts == {("missing", LINE): 30, ("burst_incomplete", LINE): 30}
 
 

@@ -17,6 +17,9 @@ import numpy as np
 from vsensor.types import Array, BoolArray, IntArray
 
 
+_LEAST_AFTER = 4  # frames after a silence that say whether the stream catches up: fewer at the very end
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pace:
     """The cycle of a message, and the intervals that pass, in ns."""
@@ -24,6 +27,11 @@ class Pace:
     cycle_ns: int
     longest_ns: float
     shortest_ns: float
+
+    @property
+    def slack(self) -> float:
+        """What passes beyond the cycle, in cycles; less than half of one."""
+        return min(self.longest_ns / self.cycle_ns - 1, 0.5)
 
     @classmethod
     def of(cls, cycle_ns: int, tolerance: float, jitter_ns: int) -> "Pace":
@@ -57,10 +65,10 @@ def judge(pace: Pace, intervals_ns: IntArray, first: int, last: int, since: int,
         before = int(level[max(since, at - window, 0) : at].min(initial=level[at - 1] if at else 0))
         shift = (int(level[at : at + window + 1].min()) - before) / pace.cycle_ns
         if long[place]:
-            most = round(int(d[place]) / pace.cycle_ns) - 1
-            missing[place] = min(max(round(shift), 0), max(most, 0))
+            most = round(int(d[place]) / pace.cycle_ns) - 1 if len(level) - at > _LEAST_AFTER else 0
+            missing[place] = max(0, min(int(shift + pace.slack), most))
         else:
-            extra[place] = round(shift) <= -1
+            extra[place] = shift <= pace.slack - 1
         if missing[place] or extra[place]:
             since = at
     return Judged(

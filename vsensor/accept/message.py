@@ -72,7 +72,7 @@ class Watch:
         self._tolerance = limits.cycle_tolerance
         guard = plan.guard
         self._listener = Listener(self.name, guard, limits.receiver, book) if guard is not None else None
-        self._kept: Frames | None = None
+        self.kept: Frames | None = None
         self._done = 0  # of the kept frames are judged already
         self._begun = False
         self._since = 0  # place among them where the envelope last moved
@@ -97,14 +97,14 @@ class Watch:
             self.first_ns = int(frames.t_ns[0])
         self.last_ns = int(frames.t_ns[-1])
         self.count += len(frames)
-        self._kept = frames if self._kept is None else self._kept.then(frames)
-        self._settle(len(self._kept) - self._window)
+        self.kept = frames if self.kept is None else self.kept.then(frames)
+        self._settle(len(self.kept) - self._window)
 
     def end(self, first_ns: int, last_ns: int) -> None:
         """Judge what is left; the stream of all messages lasted from `first_ns` to `last_ns`."""
-        if self._kept is None or self.first_ns is None:
+        if self.kept is None or self.first_ns is None:
             return
-        self._settle(len(self._kept))
+        self._settle(len(self.kept))
         silent = 0
         if self._pace is not None:
             self._cut(first_ns + self.plan.sending.offset_ns, self.first_ns)
@@ -149,13 +149,13 @@ class Watch:
 
     def _settle(self, last: int) -> None:
         """Judge the kept frames up to `last` - 1, and keep what the next ones are compared with."""
-        first, kept = self._done, self._kept
+        first, kept = self._done, self.kept
         if last <= first or kept is None:
             return
         missing, extra = self._judge_intervals(kept.t_ns, first, last)
         self._judge_counters(kept.part(first, last), missing, extra)
         drop = max(0, last - self._window - 1)
-        self._kept = kept.part(drop, len(kept))
+        self.kept = kept.part(drop, len(kept))
         self._done, self._since = last - drop, max(0, self._since - drop)
 
     def _judge_intervals(self, t_ns: IntArray, first: int, last: int) -> tuple[IntArray, BoolArray]:

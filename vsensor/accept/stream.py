@@ -47,6 +47,11 @@ class Stream:
         """Time of the first and the last frame of the whole bus."""
         return self._bus_ns or (0, 0)
 
+    @property
+    def waiting(self) -> int:
+        """How many frames wait for the end of their image."""
+        return 0 if self._open is None else len(self._open)
+
     def take(self, columns: Columns) -> None:
         """Take in the next frames of the bus, in the order in which they were heard."""
         if not len(columns.t_ns):
