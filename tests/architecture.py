@@ -24,11 +24,11 @@ ORDER = """
     / config
     / line
     / runner realtime
-    / replay score accept
+    / score accept
     / study
     / plots control
     / run
-    / session
+    / session replay
     / pitfalls
     / check
     / field

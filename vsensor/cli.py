@@ -10,7 +10,7 @@ import shutil
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn, TypeAlias
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
 from vsensor.errors import ConfigError, VsensorError
 from vsensor.stop import stop_signals
@@ -71,6 +71,17 @@ often, when first (seconds from the first frame), how bad, what passes, and what
 A limits file needs schema = "vsensor.accept/1" and only the keys that differ: cycle_tolerance, jitter_ms,
 frozen_ms, offset_step_m ..., [receiver] (AUTOSAR's tolerances), [allow] (how many of a kind pass).
 Exit 0 accepted, 1 not (with the list), 2 bad input.
+"""
+
+REPLAY_HELP = """\
+Play a CAN log on its own times: onto one bus or several, a part of it, faster, in a loop.
+
+  vsensor replay drive.log --bus socketcan:can0
+  vsensor replay drive.blf --map 1=socketcan:can0 --map 2=socketcan:can1 --loop 0
+  vsensor replay drive.mf4 --start 60 --stop 90 --speed 2 --exclude 0x320-0x32F
+  vsensor replay drive.asc --dbc car.dbc --include ENGINE,0x123 --log played.blf
+
+On a terminal: space holds and goes on, arrows 5 s back and ahead, s one frame, q ends.
 """
 
 SWEEP_HELP = """\
@@ -259,6 +270,28 @@ def sweep(arguments: argparse.Namespace) -> int:
     return 130 if report.interrupted else int(bool(report.failures))
 
 
+def replay(arguments: argparse.Namespace) -> int:
+    """`vsensor replay`: a log on its own times."""
+    with stop_signals() as stopped:
+        return _replay(arguments, stopped)
+
+
+def _replay(arguments: argparse.Namespace, stopped: Callable[[], bool]) -> int:
+    from vsensor.errors import LogError
+    from vsensor.replay import ReplayOptions, replay_log
+    from vsensor.replay.keys import terminal_keys
+
+    given: dict[str, Any] = {key: getattr(arguments, key) for key in _SINGLE}
+    given |= {key: tuple(getattr(arguments, key) or ()) for key in _REPEATED}
+    options = ReplayOptions(**given)
+    with terminal_keys(None if not arguments.quiet else -1) as keys:
+        report = replay_log(options, say=_note, stopped=stopped, keys=keys)
+    print(report.text())
+    if report.fault is not None:
+        raise LogError(report.fault)
+    return 130 if report.interrupted else 0
+
+
 def _note(text: str) -> None:
     print(f"vsensor: {text}", file=sys.stderr)
 
@@ -278,6 +311,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_score(commands)
     _add_accept(commands)
     _add_sweep(commands)
+    _add_replay(commands)
     return parser
 
 
@@ -431,6 +465,59 @@ def _add_sweep(commands: "Commands") -> None:
     added.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler, such as tcp://host:8786")
     added.add_argument("--workers", type=_count, metavar="N", help="local processes (all cores)")
     added.add_argument("--quiet", action="store_true", help="no progress bar")
+
+
+_REPEATED = ("map", "include", "exclude", "rename", "dbc", "profile")
+_SINGLE = (
+    *("path", "bus", "speed", "fast", "start", "stop", "loops", "max_gap_s", "smooth", "rate_hz"),
+    *("wait_for", "start_at", "skip_unsendable", "log", "realtime"),
+)
+
+
+def _add_replay(commands: "Commands") -> None:
+    added = _command(commands, "replay", replay, REPLAY_HELP)
+    option = added.add_argument
+    option("path", type=Path, metavar="LOG", help="CAN log: .log .asc .blf .mf4 .trc .csv, also gzipped")
+    option(
+        "--bus", metavar="INTERFACE:CHANNEL", help="python-can bus of every channel that --map does not name"
+    )
+    option("--map", action="append", metavar="CHANNEL=BUS", help="bus of a channel of the log; repeatable")
+    option("--speed", default="1", metavar="X", help="0.1 to 100 times as fast (1)")
+    option(
+        "--as-fast-as-possible",
+        action="store_true",
+        dest="fast",
+        help="without waiting; on vcan, virtual or --log",
+    )
+    option(
+        "--start", metavar="TIME", help="s from the log's first frame, or a time: ISO (UTC) or s since 1970"
+    )
+    option("--stop", metavar="TIME", help="likewise; the first frame that is not sent")
+    option(
+        "--loop", type=_loops, default=1, dest="loops", metavar="N", help="play it N times, 0 for ever (1)"
+    )
+    option("--max-gap", type=_positive, dest="max_gap_s", metavar="S", help="cut longer gaps to S seconds")
+    option("--smooth", action="store_true", help="spread frames stamped in batches by their cycle times")
+    option("--rate", type=_hertz, dest="rate_hz", metavar="HZ", help="frames per s, for a log without times")
+    what = "0x123, 0x100-0x1FF, channel:NAME, with --dbc a message or sender; repeatable, or with commas"
+    option("--include", action="append", metavar="WHAT", help=f"play only {what}")
+    option("--exclude", action="append", metavar="WHAT", help="leave out, said in the same way")
+    option("--rename", action="append", metavar="OLD=NEW", help="send an id as another, 0x123=0x456")
+    option("--dbc", action="append", type=Path, metavar="FILE", help="names and cycle times; repeatable")
+    option("--profile", action="append", metavar="NAME", help="those of a profile's database; repeatable")
+    option("--wait-for", metavar="ID", help="begin when a frame 0x123 is heard on the bus")
+    option("--start-at", metavar="TIME", help="begin at a wall clock time, ISO (UTC) or s since 1970")
+    option("--skip-unsendable", action="store_true", help="leave out and count what its bus cannot carry")
+    option("--log", type=Path, metavar="FILE", help="write what was sent: .log .asc .blf .mf4")
+    option("--realtime", action="store_true", help="real-time priority and locked memory, where allowed")
+    option("--quiet", action="store_true", help="no keys")
+
+
+def _loops(text: str) -> int:
+    value = int(text) if text.isdecimal() else -1
+    if not 0 <= value <= 1_000_000:
+        raise argparse.ArgumentTypeError(f"{text}: expected how often, 0 to 1000000; 0 is for ever")
+    return value
 
 
 def _positive(text: str) -> float:

@@ -1,0 +1,309 @@
+"""`vsensor replay` as a tester calls it: what is on the bus, what is recorded, what is refused and how."""
+
+import re
+import time
+from datetime import UTC, datetime, timedelta
+
+import pytest
+
+from tests.bus_frames import content
+from tests.replay.playing import write_log
+from tests.shared import SHARED_DATA, needs_shared
+from vsensor.bus import open_bus
+from vsensor.cli import main
+from vsensor.errors import BusError, ConfigError, LogError
+from vsensor.logs import Flag, open_log_writer, read_log
+from vsensor.replay import ReplayOptions, replay_log
+from vsensor.types import Frame
+
+T0 = 1_700_000_000_000_000_000
+FORMATS = SHARED_DATA / "can/formats"
+
+
+@pytest.fixture
+def log(tmp_path):
+    """Ten frames, one every 10 ms."""
+    return write_log(tmp_path / "a.log", [5000 + 10 * k for k in range(10)])
+
+
+@pytest.fixture
+def channels(tmp_path):
+    """A log of three channels, 1 to 3, in turn."""
+    path = tmp_path / "three.blf"
+    with open_log_writer(path) as writer:
+        for k in range(30):
+            writer.write(Frame(due_ns=T0 + k * 10**6, arbitration_id=k, data=b"", channel=k % 3))
+    return path
+
+
+def replay(path, *words):
+    """Replay without waiting; returns the exit status."""
+    return main(["replay", str(path), "--as-fast-as-possible", *map(str, words)])
+
+
+def heard(*buses):
+    return [[frame.arbitration_id for frame in bus.drain()] for bus in buses]
+
+
+def test_every_frame_is_on_the_bus_bit_for_bit(tmp_path):
+    kinds = [
+        Frame(due_ns=T0, arbitration_id=0x123, data=bytes(range(8))),
+        Frame(due_ns=T0 + 1, arbitration_id=0x18FF1234, data=b"\x01", is_extended=True),
+        Frame(due_ns=T0 + 2, arbitration_id=0x7FF, data=b""),
+        Frame(due_ns=T0 + 3, arbitration_id=0x321, data=bytes(5), is_remote=True),
+        Frame(due_ns=T0 + 4, arbitration_id=0x200, data=bytes(32), is_fd=True, bitrate_switch=True),
+    ]
+    with open_log_writer(tmp_path / "a.blf") as writer:
+        for frame in kinds:
+            writer.write(frame)
+    with open_bus("virtual:bits") as bus:
+        assert replay(tmp_path / "a.blf", "--bus", "virtual:bits") == 0
+        seen = [content(frame) for frame in bus.drain()]
+    assert seen == [content(frame) for frame in kinds]
+
+
+def test_a_recording_has_the_intervals_of_the_log_and_is_dated_now(log, tmp_path):
+    assert replay(log, "--log", tmp_path / "out.log") == 0
+    table = read_log(tmp_path / "out.log")
+    assert (table.t_ns - table.t_ns[0]).tolist() == [10_000_000 * k for k in range(10)]
+    assert table.arbitration_id.tolist() == list(range(10))
+    assert abs(int(table.t_ns[0]) - time.time_ns()) < 60 * 10**9
+
+
+def test_channels_go_to_the_buses_that_they_are_mapped_to(channels):
+    with open_bus("virtual:m1") as one, open_bus("virtual:m2") as two:
+        assert replay(channels, "--map", "1=virtual:m1", "--map", "3=virtual:m1", "--bus", "virtual:m2") == 0
+        assert heard(one, two) == [[k for k in range(30) if k % 3 != 1], [k for k in range(30) if k % 3 == 1]]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--map", "1=virtual:x"), r"channel 2 has no bus: --map 2=INTERFACE:CHANNEL, --bus for all others"),
+        (("--map", "9=virtual:x", "--bus", "virtual:y"), r"--map 9=virtual:x: no such channel; .* 1, 2, 3"),
+        (("--bus", "nosuch:x"), "no interface 'nosuch'"),
+        (("--include", "0x700"), "none of its frames is chosen"),
+        (("--start", "99"), "none of its frames is chosen"),
+        (("--start", "5", "--stop", "4"), "--stop 4: lies before what is to be played begins"),
+        (("--speed", "2"), "--speed and --as-fast-as-possible exclude each other"),
+        (("--loop", "0"), "--loop 0 plays for ever"),
+        (("--wait-for", "0x1", "--start-at", "2030-01-01"), "--wait-for and --start-at exclude each other"),
+        (("--start-at", "2020-01-01"), "--start-at 2020-01-01: has passed"),
+        (("--start-at", "noon"), "--start-at noon: s, or a time such as"),
+        (("--dbc", "nosuch.dbc"), "nosuch.dbc: no such file"),
+        (("--log", "nosuch/out.log"), "nosuch/out.log: cannot be written"),
+        (("--log", "out.txt"), "not a log format that can be written"),
+    ],
+)
+def test_what_cannot_be_played_is_refused_in_one_line_before_anything_is_sent(channels, words, said, capsys):
+    with open_bus("virtual:x") as x, open_bus("virtual:y") as y:
+        assert replay(channels, *words) == 2
+        assert heard(x, y) == [[], []]
+    error = capsys.readouterr().err.strip().splitlines()[-1]
+    assert re.match("vsensor: .*" + said, error), error
+
+
+def test_what_has_no_bus_is_left_out_and_counted_when_that_is_wanted(channels, capsys):
+    with open_bus("virtual:s") as bus:
+        assert replay(channels, "--map", "2=virtual:s", "--skip-unsendable") == 0
+        assert heard(bus) == [[k for k in range(30) if k % 3 == 1]]
+    printed = capsys.readouterr().out
+    assert "left out: 10 frames of channel 1, which has no bus" in printed
+    assert "left out: 10 frames of channel 3, which has no bus" in printed
+
+
+@pytest.fixture
+def classic(monkeypatch):
+    """A virtual bus that cannot be opened for CAN FD, as a classic interface."""
+    real = open_bus
+
+    def opened(name, fd=False):
+        if fd:
+            raise BusError(f"bus {name}: can0 carries classic CAN only")
+        bus = real("virtual:classic")
+        bus.name = "socketcan:can0"
+        return bus
+
+    monkeypatch.setattr("vsensor.replay.open_outputs.open_bus", opened)
+
+
+def mixed(path, count=10, fd_from=0):
+    """A log in which every other frame from `fd_from` on is CAN FD."""
+    with open_log_writer(path) as writer:
+        for k in range(count):
+            is_fd = k >= fd_from and k % 2 == 1
+            writer.write(Frame(due_ns=T0 + k, arbitration_id=k % 0x700, data=b"", is_fd=is_fd))
+    return path
+
+
+@pytest.mark.usefixtures("classic")
+def test_can_fd_frames_on_a_classic_bus_are_refused_with_what_helps(tmp_path, capsys):
+    assert replay(mixed(tmp_path / "fd.log"), "--bus", "socketcan:can0") == 2
+    said = capsys.readouterr().err
+    assert "can0 carries classic CAN only; " in said
+    assert "fd.log has CAN FD frames: --skip-unsendable leaves them out" in said
+
+
+@pytest.mark.usefixtures("classic")
+def test_can_fd_frames_on_a_classic_bus_are_left_out_when_that_is_wanted(tmp_path, capsys):
+    with open_bus("virtual:classic") as bus:
+        assert replay(mixed(tmp_path / "fd.log"), "--bus", "socketcan:can0", "--skip-unsendable") == 0
+        assert heard(bus) == [[0, 2, 4, 6, 8]]
+    assert (
+        "left out: 5 CAN FD frames for socketcan:can0, which carries classic CAN" in capsys.readouterr().out
+    )
+
+
+@pytest.mark.usefixtures("classic")
+def test_can_fd_frames_that_come_late_in_a_log_are_left_out_and_counted(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("vsensor.replay.reel.SURVEY", 4)
+    assert replay(mixed(tmp_path / "fd.log", fd_from=4), "--bus", "socketcan:can0") == 0
+    assert "left out: 3 CAN FD frames" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("classic")
+def test_can_fd_frames_that_are_not_chosen_do_no_harm(tmp_path):
+    path = mixed(tmp_path / "fd.log", 2)
+    assert replay(path, "--bus", "socketcan:can0", "--exclude", "0x001") == 0
+
+
+def test_error_frames_are_left_out_and_counted(tmp_path, capsys):
+    with open_log_writer(tmp_path / "e.blf") as writer:
+        for k in range(6):
+            writer.write(Frame(due_ns=T0 + k, arbitration_id=k, data=b"", is_error=k == 3))
+    with open_bus("virtual:err") as bus:
+        assert replay(tmp_path / "e.blf", "--bus", "virtual:err") == 0
+        assert heard(bus) == [[0, 1, 2, 4, 5]]
+    assert "left out: 1 error frames" in capsys.readouterr().out
+
+
+def test_the_frames_before_a_fault_are_played_then_one_line_tells_and_the_status_is_2(tmp_path, capsys):
+    path = tmp_path / "cut.blf"
+    with open_log_writer(path) as writer:
+        for k in range(2000):
+            writer.write(Frame(due_ns=T0 + k, arbitration_id=k % 0x700, data=bytes(8)))
+    path.write_bytes(path.read_bytes()[:-1000])
+    assert replay(path, "--log", tmp_path / "out.log") == 2
+    said = capsys.readouterr()
+    assert re.search(r"^vsensor: \S*cut\.blf: reading ended early: .*cut off", said.err, re.MULTILINE)
+    assert len(read_log(tmp_path / "out.log")) == len(read_log(path)) > 1000
+    assert f"frames sent {len(read_log(path))}" in said.out
+
+
+def test_a_full_disk_ends_it_in_one_line(tmp_path, capsys):
+    path = write_log(tmp_path / "a.log", range(20_000), ids=[1] * 20_000)
+    (tmp_path / "full.log").symlink_to("/dev/full")
+    assert replay(path, "--log", tmp_path / "full.log") == 2
+    assert "full.log: cannot be written: No space left" in capsys.readouterr().err
+
+
+def test_the_log_that_is_played_is_not_written_over(log):
+    before = log.read_bytes()
+    assert replay(log, "--log", log) == 2
+    assert log.read_bytes() == before
+
+
+def test_a_log_without_times_says_what_gives_them_and_then_plays(tmp_path, capsys):
+    path = tmp_path / "bare.log"
+    path.write_text("  can0  123   [2]  11 22\n" * 5)
+    assert replay(path, "--bus", "virtual:bare") == 2
+    assert "bare.log: its frames have no times; --rate FRAMES_PER_S gives them" in capsys.readouterr().err
+    assert replay(path, "--rate", "100", "--log", tmp_path / "out.log") == 0
+    times = read_log(tmp_path / "out.log").t_ns
+    assert (times - times[0]).tolist() == [k * 10**7 for k in range(5)]
+
+
+def test_a_replay_in_real_time_keeps_the_order_and_tells_how_late_it_was(log, capsys):
+    with open_bus("virtual:rt") as bus:
+        assert main(["replay", str(log), "--bus", "virtual:rt", "--loop", "2"]) == 0
+        frames = bus.drain()
+    assert [frame.arbitration_id for frame in frames] == [*range(10), *range(10)]
+    said = capsys.readouterr().out
+    assert re.search(r"frames sent 20 in 0\.\d+ s, refused by the bus 0, reordered 0", said)
+    assert re.search(r"lateness of the first frame: p50 [\d.]+, p99 [\d.]+", said)
+    assert re.search(r"duration 0\.190 s as planned, error -?[\d.]+ ms", said)
+    assert "at each seam 10.000 ms" in said
+
+
+def test_a_replay_begins_when_the_frame_it_waits_for_is_heard(log):
+    with open_bus("virtual:wait") as other:
+        asked = []
+
+        def stopped():
+            asked.append(len(other.drain()))
+            if len(asked) == 5:
+                other.send(Frame(due_ns=0, arbitration_id=0x100, data=b""))
+                other.send(Frame(due_ns=0, arbitration_id=0x321, data=b""))
+            return len(asked) > 10_000
+
+        report = replay_log(
+            ReplayOptions(path=log, bus="virtual:wait", wait_for="0x321", fast=True), print, stopped
+        )
+    assert (report.frames_sent, report.interrupted) == (10, False)
+    assert sum(asked[:5]) == 0
+
+
+def test_a_replay_that_waits_in_vain_sends_nothing(log):
+    with open_bus("virtual:vain") as other:
+        calls = iter(range(10))
+        options = ReplayOptions(path=log, bus="virtual:vain", wait_for="0x321x")
+        other.send(Frame(due_ns=0, arbitration_id=0x321, data=b""))  # the id in 11 bits is another
+        report = replay_log(options, lambda text: None, lambda: next(calls, None) is None)
+        assert heard(other) == [[0x321]]
+    assert report.frames_sent == 0
+
+
+def test_a_replay_begins_at_the_time_it_is_told(log, tmp_path):
+    at = datetime.now(UTC) + timedelta(seconds=1.5)
+    out = tmp_path / "out.log"
+    options = ReplayOptions(path=log, bus="virtual:at", start_at=at.isoformat(), log=out)
+    replay_log(options, lambda text: None)
+    first_ns = int(read_log(out).t_ns[0])
+    assert first_ns == pytest.approx(at.timestamp() * 1e9, abs=2e6)
+
+
+def test_keys_hold_it_step_it_and_end_it(log):
+    typed = iter([[" "], ["s"], ["s"], ["x"], ["right"], [], ["left"], [" "], ["q"]])
+    said = []
+    options = ReplayOptions(path=log, bus="virtual:keys", speed="0.1")
+    report = replay_log(options, said.append, keys=lambda: next(typed, []))
+    assert [line.split(" at ")[0] for line in said if " at " in line] == [
+        "held",
+        "held",
+        "held",
+        "held",
+        "held",
+        "going on",
+    ]
+    assert 2 <= report.frames_sent < 10
+    assert not report.interrupted
+
+
+def test_without_waiting_no_real_bus_is_flooded(log, monkeypatch):
+    def opened(name, fd=False):
+        bus = open_bus("virtual:real")
+        bus.is_simulated = False
+        return bus
+
+    monkeypatch.setattr("vsensor.replay.open_outputs.open_bus", opened)
+    with pytest.raises(BusError, match="--as-fast-as-possible would flood a real bus"):
+        replay_log(ReplayOptions(path=log, bus="socketcan:can0", fast=True), print)
+
+
+def test_realtime_without_time_is_refused(log):
+    with pytest.raises(ConfigError, match="exclude each other"):
+        replay_log(ReplayOptions(path=log, fast=True, realtime=True), print)
+
+
+@needs_shared
+@pytest.mark.parametrize("path", sorted(FORMATS.iterdir()) if FORMATS.is_dir() else [], ids=lambda p: p.name)
+def test_every_shared_format_plays_or_is_refused_for_the_reason_that_its_reader_gives(path, tmp_path, capsys):
+    out = tmp_path / "out.blf"
+    try:
+        table, said = read_log(path), ""
+    except LogError as error:
+        table, said = None, " ".join(str(error).split())
+    sendable = 0 if table is None else int(((table.flags & Flag.ERROR) == 0).sum())
+    assert replay(path, "--log", out) == (0 if sendable else 2)
+    assert said in capsys.readouterr().err
+    assert not sendable or len(read_log(out)) == sendable

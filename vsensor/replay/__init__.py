@@ -1,0 +1,21 @@
+"""Recorded drives as CAN traffic: a log, or a part of it, on its own times onto one or more buses."""
+
+from vsensor.replay.options import ReplayOptions
+from vsensor.replay.outputs import Outputs
+from vsensor.replay.player import Player, Stage, played
+from vsensor.replay.reel import Cut, Reel, survey
+from vsensor.replay.report import Report
+from vsensor.replay.session import replay_log
+
+__all__ = [
+    "Cut",
+    "Outputs",
+    "Player",
+    "Reel",
+    "ReplayOptions",
+    "Report",
+    "Stage",
+    "played",
+    "replay_log",
+    "survey",
+]

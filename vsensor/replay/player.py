@@ -1,0 +1,287 @@
+"""Sends frames at absolute deadlines; reading, recording and listening are done while there is time.
+
+    log ──► Reel.pull ──► pieces, up to AHEAD frames ──► stages ──► wait ──► buses ──► recording
+            (128 frames)                               (repair..)   until origin + due_ns
+
+One thread, one core `advance`: what it does next depends on the clock alone. Work that can wait is done
+when it fits before the next deadline, by what it cost before.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from vsensor.clock import Clock
+from vsensor.replay.reel import Piece, Reel
+from vsensor.replay.report import Report
+from vsensor.types import Frame
+
+AHEAD = 4096
+"""Frames read ahead: half a second of a full bus, in case there is no pause to read in."""
+SCARCE = 256  # below it reading comes before everything else that can wait
+REST_NS = 20_000_000
+"""A longer wait is cut, so that keys and Ctrl-C are heard."""
+UNHEARD = 128  # frames sent without listening: a socket holds some 270
+RECORDED_AT_ONCE, UNRECORDED = 64, 4096
+
+
+class Sending(Protocol):
+    """What the player needs of the buses."""
+
+    def send(self, frame: Frame) -> bool:
+        """Send now; False if the bus refused the frame (counted, never raised)."""
+        ...
+
+    def drain(self) -> Sequence[Frame]:
+        """Return what was heard since the last call."""
+        ...
+
+    def confirmed(self) -> Sequence[tuple[int, int]]:
+        """Return `due_ns` and time on the bus of own frames since the last call."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """A change of frames on their way: `function(state, frame)` gives the next state and a frame, or several.
+
+    `due_ns` of the frame counts from the beginning of the replay, and goes on over loops and seeks. A frame
+    that is not sent after all (a seek) leaves the state as it was.
+    """
+
+    function: Callable[[Any, Frame], tuple[Any, Frame | tuple[Frame, ...]]]
+    state: Any = None
+
+
+class Player:
+    """Plays a reel. `advance` until it returns False; between two calls anything may be asked of it.
+
+    `states` are those of the stages. All times are of `clock`; the frame that is due at 0 leaves at
+    `origin_ns`.
+    """
+
+    def __init__(
+        self,
+        reel: Reel,
+        sending: Sending,
+        clock: Clock,
+        *,
+        stages: Sequence[Stage] = (),
+        record: Callable[[Frame, int], None] | None = None,
+        origin_ns: int | None = None,
+        real_time: bool = True,
+    ) -> None:
+        """Prepare to play; the first frames are read here. Raises LogError if there is nothing to play.
+
+        `record(frame, origin_ns)` gets every frame that was taken, some time after it was sent.
+        """
+        self.report = Report(real_time=real_time)
+        self.states = [stage.state for stage in stages]
+        self._reel, self._sending, self._clock = reel, sending, clock
+        self._functions = [stage.function for stage in stages]
+        self._record = record
+        self._pieces: deque[Piece] = deque()
+        self._at = self._ahead = 0  # place in the first piece; frames read and not yet sent
+        self._ready: tuple[list[Any], tuple[Frame, ...]] | None = (
+            None  # the next frame, changed by the stages
+        )
+        self._to_record: deque[tuple[Frame, int]] = deque()
+        self._unheard = 0
+        self._pull_ns = self._listen_ns = self._record_ns = 0  # what they cost
+        self._paused_ns: int | None = None
+        self._position_ns, self._due_ns = reel.start_ns, 0
+        self._fill()
+        self.origin_ns = clock.now_ns() if origin_ns is None else origin_ns
+
+    @property
+    def position_s(self) -> float:
+        """Log time of the latest frame sent, s from the log's start (or --start)."""
+        return (self._position_ns - self._reel.start_ns) / 1e9
+
+    @property
+    def paused(self) -> bool:
+        """Whether it is paused."""
+        return self._paused_ns is not None
+
+    def advance(self) -> bool:
+        """Send what is due, or work or wait a little (20 ms at most); False when all is sent and recorded."""
+        if self._paused_ns is not None:
+            self._spend(self._clock.now_ns() + REST_NS)
+            return True
+        if not self._pieces and not self._fill():
+            self.finish()
+            return False
+        due_ns = self.origin_ns + self._next().due_ns
+        now_ns = self._clock.now_ns()
+        if now_ns < due_ns:
+            now_ns = self._spend(min(due_ns, now_ns + REST_NS))
+        if now_ns >= due_ns:
+            self._send_due(now_ns)
+        return True
+
+    def pause(self) -> None:
+        """Hold the next frame back until `resume`."""
+        if self._paused_ns is None:
+            self._listen()  # what is heard later has other deadlines
+            self._paused_ns = self._clock.now_ns()
+
+    def resume(self) -> None:
+        """Go on: the rest of the interval in which it was paused, then the next frame."""
+        if self._paused_ns is not None:
+            self.origin_ns += self._clock.now_ns() - self._paused_ns
+            self._paused_ns = None
+
+    def step(self, count: int = 1) -> int:
+        """Pause, and send the next `count` frames at once; returns how many there were."""
+        self.pause()
+        for done in range(count):
+            if not self._pieces and not self._fill():
+                return done
+            frame = self._next()
+            self._paused_ns = self._clock.now_ns()
+            self.origin_ns = self._paused_ns - frame.due_ns
+            self._send(frame)
+        return count
+
+    def seek(self, log_s: float) -> None:
+        """Go on with the first frame at or after `log_s`, s from the log's start (or --start).
+
+        The replay's own time goes on: `due_ns` of frames, counters and timestamps of the stages.
+        """
+        self._listen()
+        now_ns = self._clock.now_ns() if self._paused_ns is None else self._paused_ns
+        due_ns = max(self._due_ns, now_ns - self.origin_ns)
+        loop = self._pieces[0].loop if self._pieces else 0
+        self._pieces.clear()
+        self._at, self._ahead, self._ready = 0, 0, None
+        self._reel.seek(self._reel.start_ns + round(log_s * 1e9), due_ns, loop)
+        self._position_ns = self._reel.start_ns + max(0, round(log_s * 1e9))
+        self._fill()  # takes as long as reading up to there: not counted
+        if self._paused_ns is None:
+            self.origin_ns = self._clock.now_ns() - due_ns
+        else:
+            self.origin_ns = self._paused_ns - due_ns
+
+    def finish(self) -> None:
+        """Record and hear what is left: at the end, or instead of playing on."""
+        while self._to_record:
+            self._write()
+        self._listen()
+
+    def _next(self) -> Frame:
+        return self._pieces[0].frames[self._at]
+
+    def _fill(self) -> bool:
+        """Read until there is a frame to send; False if there is none any more."""
+        while not self._pieces and not self._reel.ended:
+            self._pull()
+        return bool(self._pieces)
+
+    def _pull(self) -> None:
+        piece = self._reel.pull()
+        if piece is not None:
+            self._pieces.append(piece)
+            self._ahead += len(piece.frames)
+
+    def _spend(self, until_ns: int) -> int:
+        """Do what fits before `until_ns`, then wait for it; returns the time."""
+        if self._paused_ns is None and self._ready is None:
+            self._ready = self._changed(self._next())
+        now_ns = self._clock.now_ns()
+        while (work := self._work(until_ns - now_ns)) is not None:
+            before_ns = now_ns
+            work()
+            now_ns = self._clock.now_ns()
+            self._note_cost(work, now_ns - before_ns)
+        self._clock.sleep_until_ns(until_ns)
+        return self._clock.now_ns()
+
+    def _work(self, left_ns: int) -> Callable[[], None] | None:
+        """Return what is to be done and fits into `left_ns`."""
+        may_pull = not self._reel.ended and left_ns > self._pull_ns
+        if may_pull and self._ahead < SCARCE:
+            return self._pull
+        if self._unheard and left_ns > self._listen_ns:
+            return self._listen
+        if self._to_record and left_ns > self._record_ns:
+            return self._write
+        return self._pull if may_pull and self._ahead < AHEAD else None
+
+    def _note_cost(self, work: Callable[[], None], cost_ns: int) -> None:
+        """Remember what a work took: the most of late, with a margin; it is forgotten by and by."""
+        if work == self._pull:
+            self._pull_ns = max(cost_ns * 5 // 4, self._pull_ns * 15 // 16)
+        elif work == self._listen:
+            self._listen_ns = max(cost_ns * 5 // 4, self._listen_ns * 15 // 16)
+        else:
+            self._record_ns = max(cost_ns * 5 // 4, self._record_ns * 15 // 16)
+
+    def _listen(self) -> None:
+        self._unheard = 0
+        self._sending.drain()
+        for due_ns, stamp_ns in self._sending.confirmed():
+            self.report.timing.on_bus(self.origin_ns + due_ns, stamp_ns)
+
+    def _write(self) -> None:
+        record = self._record
+        if record is not None:
+            for _ in range(min(RECORDED_AT_ONCE, len(self._to_record))):
+                record(*self._to_record.popleft())
+
+    def _send_due(self, now_ns: int) -> None:
+        """Send every frame of the time that has come."""
+        due_ns = self._next().due_ns
+        late_ns = now_ns - self.origin_ns - due_ns
+        while True:
+            self._send(self._next())
+            if not self._pieces or self._next().due_ns != due_ns:
+                break
+        self.report.group(late_ns, self._clock.now_ns() - now_ns)
+
+    def _send(self, frame: Frame) -> None:
+        states, frames = self._ready or self._changed(frame)
+        self._ready = None
+        self._advance_place(frame)
+        is_gone = not frames
+        for one in frames:
+            taken = self._sending.send(one)
+            self.report.sent(one.channel, taken)
+            is_gone |= taken
+            if taken and self._record is not None:
+                self._to_record.append((one, self.origin_ns))
+        if is_gone:  # counters follow what was sent
+            self.states = states
+        self._unheard += len(frames)
+        if self._unheard >= UNHEARD:
+            self._listen()
+        if len(self._to_record) >= UNRECORDED:
+            self._write()
+
+    def _advance_place(self, frame: Frame) -> None:
+        piece = self._pieces[0]
+        self.report.order(self._due_ns, frame.due_ns)
+        self._position_ns, self._due_ns = piece.log_ns[self._at], frame.due_ns
+        self._at += 1
+        self._ahead -= 1
+        if self._at == len(piece.frames):
+            self._pieces.popleft()
+            self._at = 0
+
+    def _changed(self, frame: Frame) -> tuple[list[Any], tuple[Frame, ...]]:
+        """Return the stages' next states and what becomes of a frame."""
+        states, frames = list(self.states), tuple([frame])
+        for number, function in enumerate(self._functions):
+            changed: list[Frame] = []
+            for one in frames:
+                states[number], result = function(states[number], one)
+                changed += result if isinstance(result, tuple) else (result,)
+            frames = tuple(changed)
+        return states, frames
+
+
+def played(player: Player, stopped: Callable[[], bool] = lambda: False) -> Iterator[None]:
+    """Yield between any two steps of a player, to its end or until `stopped()`; then all is recorded."""
+    while not stopped() and player.advance():
+        yield
+    player.finish()

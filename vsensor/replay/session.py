@@ -1,0 +1,206 @@
+"""`vsensor replay`: a log, buses, a recording, keys and a clock put together."""
+
+import contextlib
+import time
+from collections.abc import Callable, Sequence
+
+from vsensor.clock import Clock, MonotonicClock, SimulatedClock, epoch_offset_ns
+from vsensor.codec import Database, load_database
+from vsensor.errors import ConfigError
+from vsensor.logs import LogWriter, open_log_writer
+from vsensor.profile import load_profiles
+from vsensor.realtime import calm_collector, real_time_priority
+from vsensor.replay.choice import EXTENDED_KEY, Choice, Names, choice, key, keys_of
+from vsensor.replay.keys import HELP
+from vsensor.replay.open_outputs import open_outputs
+from vsensor.replay.options import ReplayOptions, epoch_ns, log_time_ns, speed_of
+from vsensor.replay.outputs import Outputs
+from vsensor.replay.player import Player, Stage, played
+from vsensor.replay.reel import Cut, Reel, Survey, survey
+from vsensor.replay.report import Report
+from vsensor.replay.smooth import measured_cycles
+from vsensor.replay.timeline import Pace
+
+Say = Callable[[str], None]
+Keys = Callable[[], list[str]]
+
+START_UP_NS = 20_000_000  # from the end of loading to the first frame
+POLL_S = 0.001
+JUMP_S = 5.0  # of an arrow key
+
+
+def replay_log(
+    options: ReplayOptions,
+    say: Say,
+    stopped: Callable[[], bool] = lambda: False,
+    *,
+    stages: Sequence[Stage] = (),
+    keys: Keys | None = None,
+) -> Report:
+    """Play a log to its end or until `stopped()`; raises VsensorError subclasses.
+
+    A log with a fault is played up to it; `fault` of the report tells.
+    """
+    _require_sense(options)
+    databases = _databases(options)
+    head = survey(options.path, options.rate_hz)
+    chosen = choice(options.include, options.exclude, options.rename, _names(databases))
+    with contextlib.ExitStack() as stack:
+        outputs = open_outputs(options, head, chosen, stack)
+        reel = _reel(options, head, chosen, outputs, databases)
+        clock: Clock = SimulatedClock() if options.fast else MonotonicClock()
+        record = _recording(options, head, stack)
+        player = Player(
+            reel, outputs, clock, stages=stages, record=record, real_time=not options.fast, origin_ns=0
+        )
+        _say_start(options, outputs, say, keys)
+        if options.realtime:
+            stack.enter_context(real_time_priority(say))
+        stack.enter_context(calm_collector())
+        if _wait(options, outputs, player, clock, stopped):
+            _play(player, stopped, keys, say)
+    return _judged(options, player, reel, outputs)
+
+
+def _require_sense(options: ReplayOptions) -> None:
+    """Refuse what cannot be meant, before anything is opened."""
+    speed_of(options.speed)
+    if options.realtime and options.fast:
+        raise ConfigError("--realtime and --as-fast-as-possible exclude each other")
+    if options.fast and options.speed != "1":
+        raise ConfigError("--speed and --as-fast-as-possible exclude each other")
+    if options.fast and options.loops == 0:
+        raise ConfigError("--loop 0 plays for ever, which --as-fast-as-possible cannot: give a number")
+    if options.wait_for is not None and options.start_at is not None:
+        raise ConfigError("--wait-for and --start-at exclude each other: one of them starts the replay")
+    log = options.log
+    if log is not None and log.exists() and options.path.exists() and log.samefile(options.path):
+        raise ConfigError(f"{log}: is what is played, so it cannot be written over")
+
+
+def _databases(options: ReplayOptions) -> list[Database]:
+    if not options.profile:
+        return [load_database(path) for path in options.dbc]
+    if len(options.dbc) > 1:
+        raise ConfigError("--dbc: with --profile one database at most, that of the profile that names none")
+    profiles = load_profiles(options.profile, options.dbc[0] if options.dbc else None)
+    return [load_database(path) for path in dict.fromkeys(profile.database for profile in profiles)]
+
+
+def _names(databases: Sequence[Database]) -> Names | None:
+    return Names.of(databases) if databases else None
+
+
+def _reel(
+    options: ReplayOptions, head: Survey, chosen: Choice, outputs: Outputs, databases: Sequence[Database]
+) -> Reel:
+    start, stop = (
+        None if text is None else log_time_ns(option, text, head.start_ns)
+        for option, text in (("--start", options.start), ("--stop", options.stop))
+    )
+    if stop is not None and stop <= (head.start_ns if start is None else start):
+        raise ConfigError(f"--stop {options.stop}: lies before what is to be played begins")
+    cut = Cut(
+        start_ns=start,
+        stop_ns=stop,
+        loops=options.loops,
+        rate_hz=options.rate_hz,
+        cycles=_cycles(head, databases) if options.smooth else None,
+    )
+    gap_ns = None if options.max_gap_s is None else round(options.max_gap_s * 1e9)
+    pace = Pace(speed=speed_of(options.speed), max_gap_ns=gap_ns)
+    return Reel(options.path, head, choice=chosen, pace=pace, cut=cut, sendable=outputs.sendable)
+
+
+def _cycles(head: Survey, databases: Sequence[Database]) -> dict[int, int]:
+    """Return cycle times in ns by key: those of the databases; the measured medians where they have none."""
+    layouts = [layout for database in databases for layout in database.layouts.values() if layout.cycle_ms]
+    told = {
+        layout.arbitration_id | EXTENDED_KEY * layout.is_extended: layout.cycle_ms * 1_000_000
+        for layout in layouts
+    }
+    return measured_cycles(keys_of(head.columns), head.m_ns) | told
+
+
+def _recording(
+    options: ReplayOptions, head: Survey, stack: contextlib.ExitStack
+) -> Callable[..., None] | None:
+    """Open the recording; its times are those at which the frames were due, by the wall clock."""
+    if options.log is None:
+        return None
+    writer: LogWriter = stack.enter_context(open_log_writer(options.log, tuple(head.channels)))
+    wall_ns = epoch_offset_ns() + (time.monotonic_ns() if options.fast else 0)
+    return lambda frame, origin_ns: writer.write(frame, wall_ns + origin_ns)
+
+
+def _say_start(options: ReplayOptions, outputs: Outputs, say: Say, keys: Keys | None) -> None:
+    names = ", ".join(bus.name for bus in outputs.buses) or "no bus"
+    say(f"playing {options.path} on {names}")
+    for bus in outputs.buses:
+        bus.tell(say)
+        if bus.remark:
+            say(bus.remark)
+    if keys is not None:
+        say(HELP)
+
+
+def _wait(
+    options: ReplayOptions, outputs: Outputs, player: Player, clock: Clock, stopped: Callable[[], bool]
+) -> bool:
+    """Wait for the frame that starts the replay, or set the time that does; returns whether to play."""
+    player.origin_ns = clock.now_ns() + START_UP_NS
+    if options.start_at is not None:
+        player.origin_ns = epoch_ns("--start-at", options.start_at) - epoch_offset_ns()
+        if player.origin_ns < clock.now_ns():
+            raise ConfigError(f"--start-at {options.start_at}: has passed")
+    if options.wait_for is None:
+        return True
+    wanted = key("--wait-for", options.wait_for)
+    outputs.drain()
+    while not stopped():
+        if any(f.arbitration_id | EXTENDED_KEY * f.is_extended == wanted for f in outputs.drain()):
+            player.origin_ns = clock.now_ns()
+            return True
+        time.sleep(POLL_S)
+    return False
+
+
+def _play(player: Player, stopped: Callable[[], bool], keys: Keys | None, say: Say) -> None:
+    began_s = time.monotonic()
+    ended: list[bool] = []  # by the key q, which is no interruption
+    for _ in played(player, lambda: bool(ended) or stopped()):
+        for name in keys() if keys is not None else ():
+            if name == "q":
+                ended.append(True)
+            _obey(player, name, say)
+    player.report.interrupted = stopped()
+    player.report.wall_s = time.monotonic() - began_s
+
+
+def _obey(player: Player, name: str, say: Say) -> None:
+    """Do what a key says; others mean nothing."""
+    if name == " " and player.paused:
+        player.resume()
+        say(f"going on at {player.position_s:.3f} s")
+        return
+    if name == " ":
+        player.pause()
+    elif name == "s":
+        player.step()
+    elif name in ("left", "right"):
+        player.seek(max(0.0, player.position_s + (JUMP_S if name == "right" else -JUMP_S)))
+    else:
+        return
+    say(f"{'held' if player.paused else 'playing'} at {player.position_s:.3f} s")
+
+
+def _judged(options: ReplayOptions, player: Player, reel: Reel, outputs: Outputs) -> Report:
+    report = player.report
+    report.fault = reel.fault
+    report.names = dict(reel.channels)
+    report.notes += [*reel.findings(), *outputs.report()]
+    if options.loops != 1:
+        report.notes.append(f"at each seam {reel.seam_ns / 1e6:.3f} ms, the log's median interval")
+    if options.log is not None:
+        report.notes.append(f"wrote {options.log}")
+    return report
