@@ -22,12 +22,14 @@ _UNTIED = -1
 class Mixed:
     """Frames of all messages (N,) in order.
 
-    `plan` is the message's place in the profile, `tie` its image index as far as all messages carry it, -1
+    `plan` is the message's place in the profile, `kind` a number that pages of it which leave together do
+    not share, `tie` its image index as far as all messages carry it, -1
     without one; `data` (N, L), `lengths` (N,) bytes; `right`: length and CRC are.
     """
 
     t_ns: IntArray
     plan: IntArray
+    kind: IntArray
     tie: IntArray
     ids: IntArray
     extended: BoolArray
@@ -71,7 +73,8 @@ def ties_of(profile: Profile) -> tuple[Tie | None, ...]:
 
 def _index_signal(plan: MessagePlan) -> Tie | None:
     for binding in plan.bindings:
-        if binding.quantity == "image.index" and binding.wrap and not binding.parts and len(plan.pages) == 1:
+        everywhere = not binding.parts and binding.signal.mux_signal is None
+        if binding.quantity == "image.index" and binding.wrap and everywhere:
             return Tie(signal=binding.signal.name, states=binding.wrap)
     return None
 
@@ -91,16 +94,16 @@ def image_numbers(frames: Mixed, pause_ns: int) -> tuple[IntArray, BoolArray]:
     raw, lengths = frames.data.tobytes(), frames.lengths.tolist()
     held: dict[int, bytes] = {}
     number, first_tie, last_ns, begun_ns = -1, _UNTIED, 0, 0
-    rows = zip(frames.t_ns.tolist(), frames.plan.tolist(), frames.tie.tolist(), strict=True)
-    for row, (t_ns, plan, tie) in enumerate(rows):
+    rows = zip(frames.t_ns.tolist(), frames.kind.tolist(), frames.tie.tolist(), strict=True)
+    for row, (t_ns, kind, tie) in enumerate(rows):
         data = raw[row * width : row * width + lengths[row]]
         paused = t_ns - last_ns > pause_ns and (tie != first_tie or tie == _UNTIED)
-        if plan in held and held[plan] == data and t_ns - begun_ns <= pause_ns and not paused:
+        if kind in held and held[kind] == data and t_ns - begun_ns <= pause_ns and not paused:
             twice[row] = True
-        elif not held or plan in held or paused:
-            held, number, first_tie, begun_ns = {plan: data}, number + 1, tie, t_ns
+        elif not held or kind in held or paused:
+            held, number, first_tie, begun_ns = {kind: data}, number + 1, tie, t_ns
         else:
-            held[plan] = data
+            held[kind] = data
             first_tie = tie if first_tie == _UNTIED else first_tie
         numbers[row], last_ns = number, t_ns
     return numbers, twice

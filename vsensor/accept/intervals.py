@@ -16,7 +16,6 @@ import numpy as np
 
 from vsensor.types import Array, BoolArray, IntArray
 
-
 _LEAST_AFTER = 4  # frames after a silence that say whether the stream catches up: fewer at the very end
 
 

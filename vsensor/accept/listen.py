@@ -17,7 +17,7 @@ from vsensor.types import Frame
 
 CHUNK_FRAMES = 1 << 16
 _LISTEN_S = 0.01  # a busy bus of 1 Mbit/s has 80 frames then, a socket holds some thousand
-_JUDGE_S = 0.5
+_JUDGE_S = 1.0
 
 
 def accept_log(path: Path, profiles: Sequence[Profile], limits: LimitsConfig) -> Judgement:

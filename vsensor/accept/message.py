@@ -8,6 +8,7 @@ from vsensor.accept.book import Book
 from vsensor.accept.config import LimitsConfig
 from vsensor.accept.intervals import Histogram, Judged, Pace, judge
 from vsensor.accept.reception import Listener
+from vsensor.codec import BulkReader
 from vsensor.profile import MessagePlan
 from vsensor.types import Array, BoolArray, CodeArray, IntArray
 
@@ -29,6 +30,10 @@ class Frames:
         """Return the frames from `first` to `last` - 1."""
         rows = slice(first, last)
         return Frames(t_ns=self.t_ns[rows], data=self.data[rows], right=self.right[rows])
+
+    def where(self, mask: BoolArray) -> "Frames":
+        """Return the frames of a mask (N,)."""
+        return Frames(t_ns=self.t_ns[mask], data=self.data[mask], right=self.right[mask])
 
     def then(self, other: "Frames") -> "Frames":
         """Return these frames and the others after them."""
@@ -59,18 +64,37 @@ def checked(plan: MessagePlan, t_ns: IntArray, data: CodeArray, lengths: CodeArr
     return Frames(t_ns=t_ns, data=wide, right=right)
 
 
-class Watch:
-    """Watches one message; frames are judged once the `settle_frames` after them have come."""
+def page_numbers(frames: Frames, plan: MessagePlan) -> IntArray:
+    """Return which page (N,) each frame is of those that leave together; 0 where there is one alone."""
+    numbers = np.zeros(len(frames), dtype=np.int64)
+    if has_pages(plan):
+        reader = BulkReader(plan.layout, frames.data)
+        for number, page in enumerate(plan.pages):
+            numbers[np.all([reader.raw(name) == raw for name, raw in page.items()], axis=0)] = number
+    return numbers
 
-    def __init__(self, plan: MessagePlan, limits: LimitsConfig, book: Book) -> None:
+
+def has_pages(plan: MessagePlan) -> bool:
+    """Return whether several frames of the message leave together, so that its intervals are no cycles."""
+    return len(plan.pages) > 1 and plan.mux == "together"
+
+
+class Watch:
+    """Watches one message; frames are judged once the `settle_frames` after them have come.
+
+    Of a message whose pages leave together, one watch takes all frames for their counters, and another, with
+    `of_page`, those of one page for their times.
+    """
+
+    def __init__(self, plan: MessagePlan, limits: LimitsConfig, book: Book, *, of_page: bool = False) -> None:
         self.plan, self._book, self._window = plan, book, limits.settle_frames
         self.name = plan.layout.name
-        cycle_ns = plan.sending.cycle_ns if len(plan.pages) == 1 or plan.mux == "rotate" else 0
+        cycle_ns = plan.sending.cycle_ns if of_page or not has_pages(plan) else 0
         self._pace = Pace.of(cycle_ns, limits.cycle_tolerance, limits.ns("jitter_ms")) if cycle_ns else None
         self._is_cyclic = plan.sending.is_cyclic
         self._gap_ns = plan.sending.min_delay_ns - limits.ns("jitter_ms")
         self._tolerance = limits.cycle_tolerance
-        guard = plan.guard
+        guard = None if of_page else plan.guard
         self._listener = Listener(self.name, guard, limits.receiver, book) if guard is not None else None
         self.kept: Frames | None = None
         self._done = 0  # of the kept frames are judged already

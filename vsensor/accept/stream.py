@@ -10,7 +10,7 @@ from vsensor.accept.book import Book
 from vsensor.accept.config import LimitsConfig
 from vsensor.accept.contradictions import Contradictions
 from vsensor.accept.images import Bursts, Mixed, image_numbers, tie_column, ties_of
-from vsensor.accept.message import Watch, checked
+from vsensor.accept.message import Watch, checked, has_pages, page_numbers
 from vsensor.accept.ranges import Ranges
 from vsensor.accept.rows import rows_of
 from vsensor.accept.seals import Seals
@@ -28,6 +28,11 @@ class Stream:
     def __init__(self, profile: Profile, limits: LimitsConfig) -> None:
         self.profile, self.limits, self.book = profile, limits, Book()
         self.watches = [Watch(plan, limits, self.book) for plan in profile.messages]
+        self.pages = {
+            place: Watch(plan, limits, self.book, of_page=True)
+            for place, plan in enumerate(profile.messages)
+            if has_pages(plan)
+        }
         self.ranges = [Ranges(plan, self.book, by_range=limits.ranges) for plan in profile.messages]
         self.bursts = Bursts(profile, self.book)
         self.steps = Steps(profile, limits, self.book)
@@ -36,7 +41,8 @@ class Stream:
         self._ties = ties_of(profile)
         self._open: Mixed | None = None
         self._images = 0
-        self.frames = self.error_frames = self.bits = self.fd_frames = self.same_time = 0
+        self.frames = self.error_frames = self.fd_frames = self.same_time = 0
+        self._head_bits = self._data_bits = 0
         self.foreign: set[int] = set()
         self.first_ns: int | None = None
         self.last_ns = 0
@@ -46,6 +52,11 @@ class Stream:
     def bus_ns(self) -> tuple[int, int]:
         """Time of the first and the last frame of the whole bus."""
         return self._bus_ns or (0, 0)
+
+    @property
+    def bits(self) -> float:
+        """Bits of all frames on the wire, about, as those of classic frames."""
+        return self._head_bits + _STUFFED * self._data_bits
 
     @property
     def waiting(self) -> int:
@@ -71,7 +82,7 @@ class Stream:
         if self._open is not None:
             self._judge_images(self._open, is_end=True)
             self._open = None
-        for watch in self.watches:
+        for watch in (*self.watches, *self.pages.values()):
             watch.end(self.first_ns or 0, self.last_ns)
 
     def _take_bus(self, columns: Columns) -> None:
@@ -85,14 +96,13 @@ class Stream:
         self.error_frames += int(np.count_nonzero(flags & Flag.ERROR))
         self.fd_frames += int(np.count_nonzero(flags & Flag.FD))
         extended = int(np.count_nonzero(flags & Flag.EXTENDED))
-        length = int(columns.length.astype(np.int64).sum())
-        head = extended * _HEAD_BITS[True] + (len(t_ns) - extended) * _HEAD_BITS[False]
-        self.bits += head + round(8 * _STUFFED * length)
+        self._head_bits += extended * _HEAD_BITS[True] + (len(t_ns) - extended) * _HEAD_BITS[False]
+        self._data_bits += 8 * int(columns.length.astype(np.int64).sum())
 
     def _checked(self, columns: Columns) -> Mixed | None:
         """Judge the messages one by one; return the frames of all of them with what was found."""
         count = len(columns.t_ns)
-        plan = np.full(count, -1, dtype=np.int64)
+        plan, kind = np.full(count, -1, dtype=np.int64), np.full(count, -1, dtype=np.int64)
         tie, right = np.full(count, -1, dtype=np.int64), np.zeros(count, dtype=bool)
         extended = (columns.flags & Flag.EXTENDED) != 0
         for place, watch in enumerate(self.watches):
@@ -106,9 +116,12 @@ class Stream:
                 watch.plan, columns.t_ns[rows], columns.data[rows], columns.length[rows], self.book
             )
             plan[rows], right[rows] = place, frames.right
+            kind[rows] = place + len(self.watches) * page_numbers(frames, watch.plan)
             tie[rows] = np.where(frames.right, tie_column(watch.plan, self._ties[place], frames.data), -1)
             watch.take(frames)
             self.ranges[place].judge(frames)
+            if place in self.pages:
+                self.pages[place].take(frames.where(page_numbers(frames, watch.plan) == 0))
         self.foreign.update(np.unique(columns.arbitration_id[plan < 0]).tolist())
         mine = np.flatnonzero(plan >= 0)
         if not len(mine):
@@ -116,6 +129,7 @@ class Stream:
         return Mixed(
             t_ns=columns.t_ns[mine],
             plan=plan[mine],
+            kind=kind[mine],
             tie=tie[mine],
             ids=columns.arbitration_id[mine].astype(np.int64),
             extended=extended[mine],

@@ -186,7 +186,8 @@ def _forgive_batches(stream: Stream) -> list[str]:
     """Forget late frames where the recorder stamps in batches; return the remark that says so."""
     how = stream.limits.timestamps
     same = stream.same_time / max(1, stream.frames - 1)
-    late = [w for w in stream.watches if w.late > _BATCH_SHARE * w.count]
+    watches = (*stream.watches, *stream.pages.values())
+    late = [watch for watch in watches if watch.late > _BATCH_SHARE * watch.count]
     if how == "exact" or (how == "auto" and (same < _BATCH_SHARE or not late)):
         return []
     forgiven = sum(stream.book.drop("late", watch.name) for watch in stream.watches)
@@ -207,7 +208,8 @@ def _without_allowed(stream: Stream) -> tuple[tuple[Finding, ...], list[str]]:
 
 
 def _of_messages(stream: Stream) -> list[str]:
-    unpaced = [w.name for w in stream.watches if w.count and not w.is_paced]
+    paced = {watch.name for watch in (*stream.watches, *stream.pages.values()) if watch.is_paced}
+    unpaced = [watch.name for watch in stream.watches if watch.count and watch.name not in paced]
     back = sum(watch.backwards for watch in stream.watches)
     saturated: dict[str, int] = {}
     for ranges in stream.ranges:
