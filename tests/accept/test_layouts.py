@@ -130,7 +130,10 @@ def one_line(tmp_path, range_):
         f'BO_ 9 L: 8 CAM\n SG_ Left : 0|16@1- (0.001,0) {range_} "m" ECU\n'
         ' SG_ Right : 16|16@1- (0.001,0) [0|0] "m" ECU\n'
     )
-    text = 'wide_ranges = "saturate"\n[messages.L]\ncycle_ms = 40\nsignals = { Left = "left.offset_m", Right = "right.offset_m" }\n'
+    text = (
+        'wide_ranges = "saturate"\n[messages.L]\ncycle_ms = 40\n'
+        'signals = { Left = "left.offset_m", Right = "right.offset_m" }\n'
+    )
     return profile_of(tmp_path, dbc, text)
 
 

@@ -12,14 +12,15 @@ def candump(channel: str, stdout: int | IO[Any] = subprocess.PIPE) -> Iterator[s
     """Run `candump -L channel` while the block runs; it hears every frame sent inside."""
     with subprocess.Popen(["candump", "-L", channel], stdout=stdout, text=True) as process:
         try:
-            while not _has_socket(process.pid):
+            while not has_socket(process.pid):
                 assert process.poll() is None, "candump ended"
             yield process
         finally:
             process.terminate()
 
 
-def _has_socket(pid: int) -> bool:
+def has_socket(pid: int) -> bool:
+    """Return whether a process has a socket open."""
     folder = f"/proc/{pid}/fd"
     return any("socket:" in _target(f"{folder}/{name}") for name in os.listdir(folder))
 

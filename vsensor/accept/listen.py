@@ -55,6 +55,7 @@ def accept_bus(
     """
     streams = [Stream(profile, limits) for profile in profiles]
     is_fd = any(plan.layout.is_fd for profile in profiles for plan in profile.messages)
+    stopped()  # from here on Ctrl-C is a question, and what was heard is judged
     with open_bus(specification, fd=is_fd) as bus:
         bus.drain()  # what waited before is not of this time
         end_ns = None if duration_s is None else time.monotonic_ns() + round(duration_s * 1e9)
