@@ -256,7 +256,9 @@ def test_a_sensor_that_is_blocked_and_says_so_is_accepted():
     def blocked(index):
         return lane(index, SensorMode.BLOCKED if 20 <= index < 40 else SensorMode.AVAILABLE)
 
-    assert found(stream(60, blocked)) == {}
+    judgement = verdict(stream(60, blocked))
+    assert judgement.is_accepted
+    assert "images by the sensor's state: available 40, blocked 20" in judgement.remarks
 
 
 def test_a_code_that_nobody_knows_is_out_of_range():

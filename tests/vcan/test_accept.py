@@ -16,8 +16,8 @@ pytestmark = pytest.mark.vcan
 
 SECONDS = 5
 # The kernel in user mode has one processor for both programs, and stops them for tens of ms, on a loaded
-# machine for longer: then slots are dropped and frames are late. That is its doing and passes, up to 3 s. What
-# is sent must be right all the same: CRCs, counters, whole bursts in order, lines that neither jump nor
+# machine for longer: then slots are dropped and frames are late. That is its doing and passes, up to 3 s.
+# What is sent must be right all the same: CRCs, counters, whole bursts in order, lines that neither jump nor
 # contradict themselves.
 LOADED = """
 schema = "vsensor.accept/1"

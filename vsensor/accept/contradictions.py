@@ -29,10 +29,14 @@ class Contradictions:
         self._message = {b.quantity: plan.layout.name for plan in profile.messages for b in plan.told}
         bindings = [b for plan in profile.messages for b in plan.told]
         self._has_sna = {b.quantity for b in bindings if b.signal.sna_raw is not None}
+        self.modes = np.zeros(len(SensorMode), dtype=np.int64)  # images in each state of the sensor
         self._step = {b.quantity: abs(b.signal.scale / b.gain) for b in bindings if b.raw_of_code is None}
 
     def judge(self, rows: Rows) -> None:
         """Note the contradictions of each image."""
+        if rows.has("sensor.state"):
+            for mode in SensorMode:
+                self.modes[mode] += np.count_nonzero(rows.values["sensor.state"] == mode)
         for line in rows.lines():
             self._judge_line(rows, line)
         if rows.has("left.offset_m", "right.offset_m"):
@@ -42,6 +46,14 @@ class Contradictions:
             self._note(rows, both & (gap_m <= 0), "left.offset_m", text, -gap_m)
         if rows.has("lane.width_m", "left.lane_offset_m", "right.lane_offset_m"):
             self._judge_width(rows)
+
+    def remarks(self) -> list[str]:
+        """Return a sentence on a sensor that was not available all the time."""
+        images = int(self.modes.sum())
+        if images == self.modes[SensorMode.AVAILABLE]:
+            return []
+        shown = [f"{mode.name.lower()} {self.modes[mode]}" for mode in SensorMode if self.modes[mode]]
+        return [f"images by the sensor's state: {', '.join(shown)}"]
 
     def _near(self, rows: Rows) -> BoolArray:
         """Return in which images left and right line are near and good enough to say where they are."""

@@ -93,12 +93,15 @@ class Steps:
         jumped &= step > limit * np.maximum(images, 1.0)
         self._note("jump", name, pair.t_ns[1:][jumped], step[jumped], limit)
 
+    def _measured(self, rows: Rows, line: str) -> BoolArray:
+        """Return in which images a line is available and not predicted."""
+        there, measured = rows.available(line), f"{line}.measured"
+        return there & (rows.values[measured] != 0) if rows.has(measured) else there
+
     def _comparable(self, rows: Rows, line: str) -> BoolArray:
         """Return in which images a line is measured, good and near enough to be compared."""
-        good = rows.available(line)
-        measured, quality, start = (f"{line}.{name}" for name in ("measured", "quality", "x_min_m"))
-        if rows.has(measured):
-            good = good & (rows.values[measured] != 0)
+        good = self._measured(rows, line)
+        quality, start = f"{line}.quality", f"{line}.x_min_m"
         if rows.has(quality):
             good = good & ~(rows.values[quality] < self._limits.least_quality)
         if rows.has(start):
@@ -139,7 +142,7 @@ class Steps:
         moving = [other for other in others if self._step.get(f"{line}.{other}", 1.0) <= _FINE[other]]
         mask = rows.sent[quantity]
         names = [quantity, *(f"{line}.{other}" for other in moving)]
-        good = self._comparable(rows, line) & ~self._is_flat(rows, line, name)
+        good = self._measured(rows, line) & ~self._is_flat(rows, line, name)
         mine = Rows(
             t_ns=rows.t_ns[mask],
             values={n: rows.values[n][mask] for n in names},

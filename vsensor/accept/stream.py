@@ -36,7 +36,7 @@ class Stream:
         self.ranges = [Ranges(plan, self.book, by_range=limits.ranges) for plan in profile.messages]
         self.bursts = Bursts(profile, self.book)
         self.steps = Steps(profile, limits, self.book)
-        self._contradictions = Contradictions(profile, limits, self.book)
+        self.contradictions = Contradictions(profile, limits, self.book)
         self._seals = Seals(profile, self.book)
         self._ties = ties_of(profile)
         self._open: Mixed | None = None
@@ -152,6 +152,6 @@ class Stream:
         mixed = self.bursts.judge(frames, numbers, inner)
         self._seals.take(frames)
         rows = rows_of(self.profile, frames, numbers, mixed)
-        self._contradictions.judge(rows)
+        self.contradictions.judge(rows)
         self.steps.judge(rows)
         self._images += count

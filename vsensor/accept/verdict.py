@@ -219,7 +219,7 @@ def _of_messages(stream: Stream) -> list[str]:
     said += [f"{back} timestamps run backwards"] * bool(back)
     changes = stream.steps.lane_changes
     said += [f"{changes} steps of an offset as wide as a lane count as lane changes"] * bool(changes)
-    return said + range_remarks(saturated)
+    return [*said, *stream.contradictions.remarks(), *range_remarks(saturated)]
 
 
 def _of_bus(stream: Stream) -> list[str]:
