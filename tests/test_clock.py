@@ -1,3 +1,4 @@
+import signal
 import time
 
 import numpy as np
@@ -41,6 +42,45 @@ def test_real_clock_returns_at_once_when_the_deadline_has_passed():
     before_ns = clock.now_ns()
     clock.sleep_until_ns(before_ns - 10**12)
     assert clock.now_ns() - before_ns < 500 * MILLISECOND
+
+
+@pytest.mark.parametrize("spin_ns", [0, 1_000_000])
+def test_a_signal_that_raises_nothing_does_not_end_the_wait_early(spin_ns):
+    clock = MonotonicClock(spin_ns=spin_ns)
+    came = []
+    before = signal.signal(signal.SIGALRM, lambda *_: came.append(clock.now_ns()))
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.02, 0.02)
+        deadline_ns = clock.now_ns() + 100 * MILLISECOND
+        used_s = time.process_time()
+        assert clock.sleep_until_ns(deadline_ns) >= deadline_ns
+        used_s = time.process_time() - used_s
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+    assert came
+    assert came[0] < deadline_ns
+    assert used_s < 0.05  # it slept on
+
+
+def test_a_signal_that_raises_ends_the_wait():
+    def raises(*_):
+        raise InterruptedError
+
+    before = signal.signal(signal.SIGALRM, raises)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.02)
+        with pytest.raises(InterruptedError):
+            MonotonicClock().sleep_until_ns(time.monotonic_ns() + 60 * 10**9)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+
+
+@pytest.mark.parametrize("clock", [SimulatedClock(5), MonotonicClock()], ids=["simulated", "real"])
+def test_a_wait_returns_the_time_it_ended(clock):
+    now_ns = clock.now_ns()
+    assert now_ns <= clock.sleep_until_ns(now_ns - 3) <= clock.now_ns()
+    assert now_ns + 1000 <= clock.sleep_until_ns(now_ns + 1000) <= clock.now_ns()
 
 
 def test_epoch_offset_turns_monotonic_into_wall_time():

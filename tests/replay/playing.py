@@ -39,9 +39,6 @@ class Bus:
         self.drained += 1
         return []
 
-    def confirmed(self):
-        return []
-
     @property
     def ids(self):
         return [number for _, number in self.sent]

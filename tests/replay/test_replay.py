@@ -117,7 +117,7 @@ def classic(monkeypatch):
     """A virtual bus that cannot be opened for CAN FD, as a classic interface."""
     real = open_bus
 
-    def opened(name, fd=False):
+    def opened(name, fd=False, echo=True):
         if fd:
             raise BusError(f"bus {name}: can0 carries classic CAN only")
         bus = real("virtual:classic")
@@ -280,7 +280,7 @@ def test_keys_hold_it_step_it_and_end_it(log):
 
 
 def test_without_waiting_no_real_bus_is_flooded(log, monkeypatch):
-    def opened(name, fd=False):
+    def opened(name, fd=False, echo=True):
         bus = open_bus("virtual:real")
         bus.is_simulated = False
         return bus

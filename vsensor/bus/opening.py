@@ -20,11 +20,13 @@ SIMULATED_KINDS = ("vcan", "vxcan")
 REFUSED = {"udp_multicast": "it drops bursts silently and sends them beyond this machine"}
 
 
-def open_bus(specification: str, fd: bool = False) -> FrameBus:
+def open_bus(specification: str, fd: bool = False, echo: bool = True) -> FrameBus:
     """Open "interface:channel[,option=value...]" of python-can, or "auto".
 
     "auto" is socketcan:vcan0 if that is there and up (and, with `fd`, carries CAN FD), otherwise a
-    virtual bus in this process that hears what it sends. Raises BusError naming interface and channel.
+    virtual bus in this process that hears what it sends. Without `echo` own frames do not come back: when
+    they were on the bus is not known, and no time is spent on reading them. Raises BusError naming interface
+    and channel.
     """
     remark = ""
     if specification == "auto":
@@ -35,7 +37,7 @@ def open_bus(specification: str, fd: bool = False) -> FrameBus:
     if interface == "socketcan" and (problem := problem_of(channel, fd)):
         raise BusError(f"bus {specification}: {problem}")
     if interface in ("virtual", "socketcan"):
-        options["receive_own_messages"] = True
+        options["receive_own_messages"] = echo
     if fd and interface != "virtual":
         options["fd"] = True
     number = int(channel) if channel.isdecimal() and interface not in ("socketcan", "virtual") else channel

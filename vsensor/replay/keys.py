@@ -6,14 +6,12 @@ import select
 import signal
 import sys
 import termios
-import time
 import tty
 from collections.abc import Callable, Iterator
 from types import FrameType
 from typing import Any
 
 HELP = "keys: space holds and goes on, arrows 5 s back and ahead, s one frame, q ends"
-EVERY_S = 0.02
 _ARROWS = {b"\x1b[C": "right", b"\x1b[D": "left", b"\x1bOC": "right", b"\x1bOD": "left"}
 
 
@@ -47,15 +45,11 @@ def terminal_keys(fd: int | None = None) -> Iterator[Callable[[], list[str]] | N
 
 class _Keys:
     def __init__(self, fd: int) -> None:
-        self._fd, self._at_s = fd, 0.0
+        self._fd = fd
         self._rest = b""
 
     def typed(self) -> list[str]:
-        """Return what was typed; it is looked for every 20 ms at most, which costs a system call."""
-        now_s = time.monotonic()
-        if now_s < self._at_s:
-            return []
-        self._at_s = now_s + EVERY_S
+        """Return what was typed."""
         if not select.select([self._fd], [], [], 0)[0]:
             return []
         found, self._rest = split_keys(self._rest + os.read(self._fd, 256))

@@ -67,14 +67,14 @@ def _open(
 ) -> tuple[FrameBus, bool]:
     """Return an open bus and whether it carries CAN FD."""
     try:
-        bus = open_bus(name, fd=wants_fd)
+        bus = open_bus(name, fd=wants_fd, echo=False)
     except BusError as error:
         if not wants_fd or not options.skip_unsendable:
             more = (
                 f"; {options.path} has CAN FD frames: --skip-unsendable leaves them out" if wants_fd else ""
             )
             raise BusError(f"{error}{more}") from None
-        wants_fd, bus = False, open_bus(name)
+        wants_fd, bus = False, open_bus(name, echo=False)
     stack.callback(bus.close)
     if options.fast and not bus.is_simulated:
         raise BusError(

@@ -56,10 +56,6 @@ class Outputs:
         """Return what all buses have heard since the last call."""
         return [frame for bus in self.buses for frame in bus.drain()]
 
-    def confirmed(self) -> list[tuple[int, int]]:
-        """Return `due_ns` and time on the bus of own frames since the last call, where a bus says so."""
-        return [pair for bus in self.buses for pair in bus.confirmed()]
-
     def report(self) -> list[str]:
         """Return what was left out, and what went wrong on the buses."""
         lost = [f"left out: {count} {what}" for what, count in self.dropped.items()]

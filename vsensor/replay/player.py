@@ -22,8 +22,11 @@ AHEAD = 4096
 SCARCE = 256  # below it reading comes before everything else that can wait
 REST_NS = 20_000_000
 """A longer wait is cut, so that keys and Ctrl-C are heard."""
-UNHEARD = 128  # frames sent without listening: a socket holds some 270
+LISTEN_NS = 20_000_000
+"""A full bus brings 160 frames in that time, a socket holds at least 270."""
+UNHEARD = 1000  # frames sent without listening, where there is no time at all
 RECORDED_AT_ONCE, UNRECORDED = 64, 4096
+AT_ONCE = 16  # frames that were late are sent between two looks at the clock
 
 
 class Sending(Protocol):
@@ -35,10 +38,6 @@ class Sending(Protocol):
 
     def drain(self) -> Sequence[Frame]:
         """Return what was heard since the last call."""
-        ...
-
-    def confirmed(self) -> Sequence[tuple[int, int]]:
-        """Return `due_ns` and time on the bus of own frames since the last call."""
         ...
 
 
@@ -58,7 +57,8 @@ class Player:
     """Plays a reel. `advance` until it returns False; between two calls anything may be asked of it.
 
     `states` are those of the stages. All times are of `clock`; the frame that is due at 0 leaves at
-    `origin_ns`.
+    `origin_ns`; `now_ns` is when it was last looked at, which is seldom: inside user-mode Linux a look takes
+    50 us, as long as sending a frame.
     """
 
     def __init__(
@@ -87,12 +87,13 @@ class Player:
             None  # the next frame, changed by the stages
         )
         self._to_record: deque[tuple[Frame, int]] = deque()
-        self._unheard = 0
+        self._unheard, self._heard_ns = 0, 0
         self._pull_ns = self._listen_ns = self._record_ns = 0  # what they cost
         self._paused_ns: int | None = None
         self._position_ns, self._due_ns = reel.start_ns, 0
         self._fill()
-        self.origin_ns = clock.now_ns() if origin_ns is None else origin_ns
+        self.now_ns = clock.now_ns()
+        self.origin_ns = self.now_ns if origin_ns is None else origin_ns
 
     @property
     def position_s(self) -> float:
@@ -107,29 +108,28 @@ class Player:
     def advance(self) -> bool:
         """Send what is due, or work or wait a little (20 ms at most); False when all is sent and recorded."""
         if self._paused_ns is not None:
-            self._spend(self._clock.now_ns() + REST_NS)
+            self._spend(self.now_ns + REST_NS)
             return True
         if not self._pieces and not self._fill():
             self.finish()
             return False
         due_ns = self.origin_ns + self._next().due_ns
-        now_ns = self._clock.now_ns()
-        if now_ns < due_ns:
-            now_ns = self._spend(min(due_ns, now_ns + REST_NS))
-        if now_ns >= due_ns:
-            self._send_due(now_ns)
+        if self.now_ns < due_ns:
+            self._spend(min(due_ns, self.now_ns + REST_NS))
+        if self.now_ns >= due_ns:
+            self._send_due()
         return True
 
     def pause(self) -> None:
         """Hold the next frame back until `resume`."""
         if self._paused_ns is None:
-            self._listen()  # what is heard later has other deadlines
-            self._paused_ns = self._clock.now_ns()
+            self.now_ns = self._paused_ns = self._clock.now_ns()
 
     def resume(self) -> None:
         """Go on: the rest of the interval in which it was paused, then the next frame."""
         if self._paused_ns is not None:
-            self.origin_ns += self._clock.now_ns() - self._paused_ns
+            self.now_ns = self._clock.now_ns()
+            self.origin_ns += self.now_ns - self._paused_ns
             self._paused_ns = None
 
     def step(self, count: int = 1) -> int:
@@ -149,7 +149,6 @@ class Player:
 
         The replay's own time goes on: `due_ns` of frames, counters and timestamps of the stages.
         """
-        self._listen()
         now_ns = self._clock.now_ns() if self._paused_ns is None else self._paused_ns
         due_ns = max(self._due_ns, now_ns - self.origin_ns)
         loop = self._pieces[0].loop if self._pieces else 0
@@ -158,8 +157,9 @@ class Player:
         self._reel.seek(self._reel.start_ns + round(log_s * 1e9), due_ns, loop)
         self._position_ns = self._reel.start_ns + max(0, round(log_s * 1e9))
         self._fill()  # takes as long as reading up to there: not counted
+        self.now_ns = self._clock.now_ns()
         if self._paused_ns is None:
-            self.origin_ns = self._clock.now_ns() - due_ns
+            self.origin_ns = self.now_ns - due_ns
         else:
             self.origin_ns = self._paused_ns - due_ns
 
@@ -184,25 +184,23 @@ class Player:
             self._pieces.append(piece)
             self._ahead += len(piece.frames)
 
-    def _spend(self, until_ns: int) -> int:
-        """Do what fits before `until_ns`, then wait for it; returns the time."""
+    def _spend(self, until_ns: int) -> None:
+        """Do what fits before `until_ns`, then wait for it."""
         if self._paused_ns is None and self._ready is None:
             self._ready = self._changed(self._next())
-        now_ns = self._clock.now_ns()
-        while (work := self._work(until_ns - now_ns)) is not None:
-            before_ns = now_ns
+        while (work := self._work(until_ns - self.now_ns)) is not None:
+            before_ns = self.now_ns
             work()
-            now_ns = self._clock.now_ns()
-            self._note_cost(work, now_ns - before_ns)
-        self._clock.sleep_until_ns(until_ns)
-        return self._clock.now_ns()
+            self.now_ns = self._clock.now_ns()
+            self._note_cost(work, self.now_ns - before_ns)
+        self.now_ns = self._clock.sleep_until_ns(until_ns)
 
     def _work(self, left_ns: int) -> Callable[[], None] | None:
         """Return what is to be done and fits into `left_ns`."""
         may_pull = not self._reel.ended and left_ns > self._pull_ns
         if may_pull and self._ahead < SCARCE:
             return self._pull
-        if self._unheard and left_ns > self._listen_ns:
+        if self.now_ns - self._heard_ns >= LISTEN_NS and left_ns > self._listen_ns:
             return self._listen
         if self._to_record and left_ns > self._record_ns:
             return self._write
@@ -218,10 +216,8 @@ class Player:
             self._record_ns = max(cost_ns * 5 // 4, self._record_ns * 15 // 16)
 
     def _listen(self) -> None:
-        self._unheard = 0
+        self._unheard, self._heard_ns = 0, self.now_ns
         self._sending.drain()
-        for due_ns, stamp_ns in self._sending.confirmed():
-            self.report.timing.on_bus(self.origin_ns + due_ns, stamp_ns)
 
     def _write(self) -> None:
         record = self._record
@@ -229,15 +225,24 @@ class Player:
             for _ in range(min(RECORDED_AT_ONCE, len(self._to_record))):
                 record(*self._to_record.popleft())
 
-    def _send_due(self, now_ns: int) -> None:
-        """Send every frame of the time that has come."""
-        due_ns = self._next().due_ns
-        late_ns = now_ns - self.origin_ns - due_ns
-        while True:
+    def _send_due(self) -> None:
+        """Send the frames whose time has come, and note how late the first of each time left."""
+        firsts: list[tuple[int, int]] = []  # place among the frames sent here, due time
+        last_ns = self.now_ns - self.origin_ns
+        count = 0
+        while count < AT_ONCE and self._pieces and (due_ns := self._next().due_ns) <= last_ns:
+            if not firsts or due_ns != firsts[-1][1]:
+                firsts.append((count, due_ns))
             self._send(self._next())
-            if not self._pieces or self._next().due_ns != due_ns:
-                break
-        self.report.group(late_ns, self._clock.now_ns() - now_ns)
+            count += 1
+        if count == 1:
+            self.report.late(last_ns - firsts[0][1])
+            return
+        took_ns = self._clock.now_ns() - self.now_ns
+        self.report.timing.burst.add(took_ns)
+        for place, due_ns in firsts:  # each frame took its part of the time
+            self.report.late(last_ns + took_ns * place // count - due_ns)
+        self.now_ns += took_ns
 
     def _send(self, frame: Frame) -> None:
         states, frames = self._ready or self._changed(frame)

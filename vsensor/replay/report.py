@@ -45,10 +45,9 @@ class Report:
         self.reordered += due_ns < before_ns
         self.due_ns = due_ns
 
-    def group(self, late_ns: int, took_ns: int) -> None:
-        """Note how late the first of the frames of one time left, and how long they took."""
+    def late(self, late_ns: int) -> None:
+        """Note how late the first of the frames of one time left."""
         self.timing.lateness.add(late_ns)
-        self.timing.burst.add(took_ns)
         if self.first_late_ns is None:
             self.first_late_ns = late_ns
         self.last_late_ns = late_ns

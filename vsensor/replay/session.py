@@ -1,6 +1,7 @@
 """`vsensor replay`: a log, buses, a recording, keys and a clock put together."""
 
 import contextlib
+import os
 import time
 from collections.abc import Callable, Sequence
 
@@ -15,7 +16,7 @@ from vsensor.replay.keys import HELP
 from vsensor.replay.open_outputs import open_outputs
 from vsensor.replay.options import ReplayOptions, epoch_ns, log_time_ns, speed_of
 from vsensor.replay.outputs import Outputs
-from vsensor.replay.player import Player, Stage, played
+from vsensor.replay.player import REST_NS, Player, Stage, played
 from vsensor.replay.reel import Cut, Reel, Survey, survey
 from vsensor.replay.report import Report
 from vsensor.replay.smooth import measured_cycles
@@ -24,6 +25,9 @@ from vsensor.replay.timeline import Pace
 Say = Callable[[str], None]
 Keys = Callable[[], list[str]]
 
+SPIN_NS = 60_000
+"""Of every wait: a wake-up is some 60 us late. More would never sleep on a full bus (125 us a frame), and the
+kernel takes the processor away for 50 ms each second from a real-time process that does not."""
 START_UP_NS = 20_000_000  # from the end of loading to the first frame
 POLL_S = 0.001
 JUMP_S = 5.0  # of an arrow key
@@ -48,7 +52,7 @@ def replay_log(
     with contextlib.ExitStack() as stack:
         outputs = open_outputs(options, head, chosen, stack)
         reel = _reel(options, head, chosen, outputs, databases)
-        clock: Clock = SimulatedClock() if options.fast else MonotonicClock()
+        clock = _clock(options)
         record = _recording(options, head, stack)
         player = Player(
             reel, outputs, clock, stages=stages, record=record, real_time=not options.fast, origin_ns=0
@@ -76,6 +80,13 @@ def _require_sense(options: ReplayOptions) -> None:
     log = options.log
     if log is not None and log.exists() and options.path.exists() and log.samefile(options.path):
         raise ConfigError(f"{log}: is what is played, so it cannot be written over")
+
+
+def _clock(options: ReplayOptions) -> Clock:
+    """Return the clock; where there is one processor it never spins, which would keep who listens waiting."""
+    if options.fast:
+        return SimulatedClock()
+    return MonotonicClock(spin_ns=SPIN_NS if len(os.sched_getaffinity(0)) > 1 else 0)
 
 
 def _databases(options: ReplayOptions) -> list[Database]:
@@ -168,8 +179,12 @@ def _wait(
 def _play(player: Player, stopped: Callable[[], bool], keys: Keys | None, say: Say) -> None:
     began_s = time.monotonic()
     ended: list[bool] = []  # by the key q, which is no interruption
+    looked_ns = 0
     for _ in played(player, lambda: bool(ended) or stopped()):
-        for name in keys() if keys is not None else ():
+        if keys is None or player.now_ns - looked_ns < REST_NS:
+            continue
+        looked_ns = player.now_ns
+        for name in keys():
             if name == "q":
                 ended.append(True)
             _obey(player, name, say)
