@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsensor.accept.book import Book
-from vsensor.accept.message import Frames
+from vsensor.accept.frames import Frames
 from vsensor.codec import BulkReader, SignalLayout, excess_range, number_range
 from vsensor.profile import QUANTITIES, Binding, MessagePlan
 from vsensor.types import BoolArray, IntArray

@@ -9,8 +9,9 @@ import numpy as np
 from vsensor.accept.book import Book
 from vsensor.accept.config import LimitsConfig
 from vsensor.accept.contradictions import Contradictions
+from vsensor.accept.frames import checked, has_pages, page_numbers
 from vsensor.accept.images import Bursts, Mixed, image_numbers, tie_column, ties_of
-from vsensor.accept.message import Watch, checked, has_pages, page_numbers
+from vsensor.accept.message import Watch
 from vsensor.accept.ranges import Ranges
 from vsensor.accept.rows import rows_of
 from vsensor.accept.seals import Seals
