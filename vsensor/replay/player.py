@@ -113,6 +113,9 @@ class Player:
         if not self._pieces and not self._fill():
             self.finish()
             return False
+        if not self.report.real_time:
+            self._send_piece()
+            return True
         due_ns = self.origin_ns + self._next().due_ns
         if self.now_ns < due_ns:
             self._spend(min(due_ns, self.now_ns + REST_NS))
@@ -244,6 +247,12 @@ class Player:
             self.report.late(last_ns + took_ns * place // count - due_ns)
         self.now_ns += took_ns
 
+    def _send_piece(self) -> None:
+        """Send what is left of the first piece without waiting."""
+        piece = self._pieces[0]
+        for frame in piece.frames[self._at :]:
+            self._send(frame)
+
     def _send(self, frame: Frame) -> None:
         states, frames = self._ready or self._changed(frame)
         self._ready = None
@@ -275,6 +284,8 @@ class Player:
 
     def _changed(self, frame: Frame) -> tuple[list[Any], tuple[Frame, ...]]:
         """Return the stages' next states and what becomes of a frame."""
+        if not self._functions:
+            return self.states, (frame,)
         states, frames = list(self.states), tuple([frame])
         for number, function in enumerate(self._functions):
             changed: list[Frame] = []

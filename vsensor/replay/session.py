@@ -17,7 +17,7 @@ from vsensor.replay.open_outputs import open_outputs
 from vsensor.replay.options import ReplayOptions, epoch_ns, log_time_ns, speed_of
 from vsensor.replay.outputs import Outputs
 from vsensor.replay.player import REST_NS, Player, Stage, played
-from vsensor.replay.reel import Cut, Reel, Survey, survey
+from vsensor.replay.reel import PIECE, Cut, Reel, Survey, survey
 from vsensor.replay.report import Report
 from vsensor.replay.smooth import measured_cycles
 from vsensor.replay.timeline import Pace
@@ -28,6 +28,7 @@ Keys = Callable[[], list[str]]
 SPIN_NS = 60_000
 """Of every wait: a wake-up is some 60 us late. More would never sleep on a full bus (125 us a frame), and the
 kernel takes the processor away for 50 ms each second from a real-time process that does not."""
+PIECE_WITHOUT_WAITING = 1024  # frames decoded at a time: fewer calls
 START_UP_NS = 20_000_000  # from the end of loading to the first frame
 POLL_S = 0.001
 JUMP_S = 5.0  # of an arrow key
@@ -120,7 +121,8 @@ def _reel(
     )
     gap_ns = None if options.max_gap_s is None else round(options.max_gap_s * 1e9)
     pace = Pace(speed=speed_of(options.speed), max_gap_ns=gap_ns)
-    return Reel(options.path, head, choice=chosen, pace=pace, cut=cut, sendable=outputs.sendable)
+    piece = PIECE_WITHOUT_WAITING if options.fast else PIECE
+    return Reel(options.path, head, choice=chosen, pace=pace, cut=cut, sendable=outputs.sendable, piece=piece)
 
 
 def _cycles(head: Survey, databases: Sequence[Database]) -> dict[int, int]:
