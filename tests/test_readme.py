@@ -117,7 +117,7 @@ def results(folder):
     return found
 
 
-OFFERED = ("run", "check", "decode", "convert", "score", "accept", "sweep", "replay")
+OFFERED = ("run", "check", "decode", "convert", "log", "score", "accept", "sweep", "replay")
 VSENSOR = [command for command in commands() if command.startswith("vsensor ")]
 MAKE = [command for command in commands() if command.startswith("make ")]
 VCAN = [command for command in commands() if command.startswith("tools/vcan ")]

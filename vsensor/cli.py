@@ -51,6 +51,14 @@ Write a CAN log in another format, which the suffix of OUT says; .parquet holds 
 What OUT cannot hold is refused without --lossy. OUT appears when it is whole.
 """
 
+LOG_HELP = """\
+Say what is in a CAN log: channels and their load, and of every id cycle time, jitter, gaps, duplicates,
+counters (bits that count), and the checksum, found by trying all known ones with their data ids.
+
+  vsensor log drive.blf
+  vsensor log drive.mf4 --dbc car.dbc --bitrate 250k --json drive.json
+"""
+
 SCORE_HELP = """\
 Compare output with truth in a trace that `vsensor run --trace FILE` wrote.
 
@@ -214,6 +222,30 @@ def convert(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def log(arguments: argparse.Namespace) -> int:
+    """`vsensor log`: what is in a log."""
+    from vsensor.codec import load_database
+    from vsensor.logs.inspect import inspect_log, write_json
+    from vsensor.logs.inspect_text import text_lines
+    from vsensor.logs.progress import progress_bar
+
+    database = None if arguments.dbc is None else load_database(arguments.dbc)
+    with progress_bar(arguments.log, shown=sys.stderr.isatty() and not arguments.quiet) as progress:
+        summary = inspect_log(
+            arguments.log,
+            database=database,
+            bitrate_bps=arguments.bitrate,
+            data_bitrate_bps=arguments.data_bitrate,
+            rate_hz=arguments.rate,
+            progress=progress,
+        )
+    if arguments.json is not None:
+        write_json(arguments.json, summary)
+    for line in text_lines(summary):
+        print(line)
+    return 0
+
+
 def score(arguments: argparse.Namespace) -> int:
     """`vsensor score`: output against truth."""
     from vsensor.score import score_trace
@@ -308,6 +340,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_check(commands)
     _add_decode(commands)
     _add_convert(commands)
+    _add_log(commands)
     _add_score(commands)
     _add_accept(commands)
     _add_sweep(commands)
@@ -423,6 +456,19 @@ def _add_convert(commands: "Commands") -> None:
     added.add_argument("--dbc", type=Path, metavar="FILE", help="decode into .parquet by this database")
     added.add_argument(
         "--profile", action="append", metavar="NAME", help="decode into .parquet by this profile; repeatable"
+    )
+    added.add_argument("--quiet", action="store_true", help="no progress bar")
+
+
+def _add_log(commands: "Commands") -> None:
+    added = _command(commands, "log", log, LOG_HELP)
+    added.add_argument("log", type=Path, help="CAN log: .log .asc .blf .mf4 .trc .csv, also gzipped")
+    added.add_argument("--dbc", type=Path, metavar="FILE", help="names and data ids of the messages")
+    added.add_argument("--json", type=Path, metavar="FILE", help="write it all as JSON too")
+    added.add_argument("--rate", type=_hertz, metavar="HZ", help="frames per second, for text without times")
+    added.add_argument("--bitrate", type=_bitrate, default="500k", metavar="RATE", help="of the bus (500k)")
+    added.add_argument(
+        "--data-bitrate", type=_bitrate, default="2M", metavar="RATE", help="of CAN FD's data phase (2M)"
     )
     added.add_argument("--quiet", action="store_true", help="no progress bar")
 
