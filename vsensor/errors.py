@@ -20,6 +20,10 @@ class LogError(VsensorError):
     """A CAN log cannot be used: names the file, the place and the reason."""
 
 
+class TableError(VsensorError):
+    """A table of recorded drives cannot be used or written: names the file and the reason."""
+
+
 class DbcError(VsensorError):
     """A bus description cannot be used: names the file, the message, the signal."""
 
