@@ -88,6 +88,7 @@ Play a CAN log on its own times: onto one bus or several, a part of it, faster, 
   vsensor replay drive.blf --map 1=socketcan:can0 --map 2=socketcan:can1 --loop 0
   vsensor replay drive.mf4 --start 60 --stop 90 --speed 2 --exclude 0x320-0x32F
   vsensor replay drive.asc --dbc car.dbc --include ENGINE,0x123 --log played.blf
+  vsensor replay drive.blf --bus socketcan:can0 --loop 0 --repair native --repair honda=honda.dbc
 
 On a terminal: space holds and goes on, arrows 5 s back and ahead, s one frame, q ends.
 """
@@ -513,10 +514,10 @@ def _add_sweep(commands: "Commands") -> None:
     added.add_argument("--quiet", action="store_true", help="no progress bar")
 
 
-_REPEATED = ("map", "include", "exclude", "rename", "dbc", "profile")
+_REPEATED = ("map", "include", "exclude", "rename", "dbc", "profile", "repair")
 _SINGLE = (
     *("path", "bus", "speed", "fast", "start", "stop", "loops", "max_gap_s", "smooth", "rate_hz"),
-    *("wait_for", "start_at", "skip_unsendable", "log", "realtime"),
+    *("wait_for", "start_at", "skip_unsendable", "log", "realtime", "keep_wrong"),
 )
 
 
@@ -551,6 +552,13 @@ def _add_replay(commands: "Commands") -> None:
     option("--rename", action="append", metavar="OLD=NEW", help="send an id as another, 0x123=0x456")
     option("--dbc", action="append", type=Path, metavar="FILE", help="names and cycle times; repeatable")
     option("--profile", action="append", metavar="NAME", help="those of a profile's database; repeatable")
+    option(
+        "--repair",
+        action="append",
+        metavar="PROFILE[=DBC]",
+        help="fresh counters, checksums, image indices and times on this profile's frames; repeatable",
+    )
+    option("--keep-wrong", action="store_true", help="frames that are wrong in the log stay so in --repair")
     option("--wait-for", metavar="ID", help="begin when a frame 0x123 is heard on the bus")
     option("--start-at", metavar="TIME", help="begin at a wall clock time, ISO (UTC) or s since 1970")
     option("--skip-unsendable", action="store_true", help="leave out and count what its bus cannot carry")

@@ -5,8 +5,10 @@ from dataclasses import replace
 import pytest
 
 from tests.replay.playing import MS, play, player_of, write_log
-from vsensor.replay.player import AHEAD, REST_NS, Stage
+from vsensor.replay.player import AHEAD, REST_NS
 from vsensor.replay.reel import Cut
+from vsensor.replay.stages import Stage
+from vsensor.types import Frame
 
 
 @pytest.fixture
@@ -179,3 +181,42 @@ def test_a_log_without_any_pause_is_listened_in_all_the_same(tmp_path):
     player, bus = player_of(path)
     play(player)
     assert bus.drained == 3 + 1  # and at the end
+
+
+def metronome(every_ms, until_ms, name=0x7FE):
+    """A stage with a frame of its own every so often, after the first of the log."""
+
+    def due(state):
+        return state * MS if 0 < state <= until_ms else None
+
+    def wake(state, due_ns):
+        return state + every_ms, (Frame(due_ns=due_ns, arbitration_id=name, data=b""),)
+
+    def function(state, frame):
+        return state or every_ms, frame
+
+    return Stage(function, 0, due=due, wake=wake)
+
+
+def test_the_frames_of_a_stage_leave_at_their_own_times_before_between_and_after_the_logs(log):
+    player, bus = player_of(log, stages=[metronome(15, 1100)])
+    play(player)
+    assert [ms for ms, name in bus.sent if name == 0x7FE] == [15.0 * k for k in range(1, 74)]
+    assert [ms for ms, name in bus.sent if name != 0x7FE] == [10.0 * k for k in range(100)]
+    assert player.report.reordered == 0
+
+
+def test_a_stages_own_frames_pass_the_stages_behind_it_and_not_those_before(log):
+    def marked(mark):
+        return Stage(lambda state, frame: (state + [mark] * (frame.arbitration_id == 0x7FE), frame), [])
+
+    player, _ = player_of(log, stages=[marked("before"), metronome(500, 900), marked("behind")])
+    play(player)
+    assert player.states[0] == []
+    assert player.states[2] == ["behind"]
+
+
+def test_a_stages_frame_that_a_bus_refuses_does_not_hold_the_replay_up(log):
+    player, bus = player_of(log, stages=[metronome(100, 900)], refuses=[0x7FE])
+    report = play(player)
+    assert (len(bus.sent), report.refused) == (100, 9)

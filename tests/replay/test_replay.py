@@ -6,13 +6,15 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
+from tests.accept.streams import found
 from tests.bus_frames import content
+from tests.ecu.streams import stream, write
 from tests.replay.playing import write_log
 from tests.shared import SHARED_DATA, needs_shared
 from vsensor.bus import open_bus
 from vsensor.cli import main
 from vsensor.errors import BusError, ConfigError, LogError
-from vsensor.logs import Flag, open_log_writer, read_log
+from vsensor.logs import Flag, frames_of, open_log_writer, read_log
 from vsensor.replay import ReplayOptions, replay_log
 from vsensor.types import Frame
 
@@ -307,3 +309,28 @@ def test_every_shared_format_plays_or_is_refused_for_the_reason_that_its_reader_
     assert replay(path, "--log", out) == (0 if sendable else 2)
     assert said in capsys.readouterr().err
     assert not sendable or len(read_log(out)) == sendable
+
+
+def test_a_repaired_recording_of_a_loop_is_accepted_where_a_frame_was_left_out(tmp_path, capsys):
+    write(stream(28), tmp_path / "a.log")
+    words = ("--loop", 2, "--start", 0, "--repair", "native", "--log", tmp_path / "b.blf")
+    assert replay(tmp_path / "a.log", *words) == 0
+    assert "repair native: 728 frames of 13 messages" in capsys.readouterr().out
+    frames = frames_of(read_log(tmp_path / "b.blf").columns)
+    kinds = {kind for kind, _ in found(list(frames))}
+    assert not kinds & {"wrong_crc", "counter_jumped", "counter_repeated", "image_backwards", "burst_mixed"}
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--repair", "nativ"], "did you mean native"),
+        (["--repair", "honda"], "not shipped; give it with --dbc"),
+        (["--repair", "honda="], "NAME or NAME=DATABASE"),
+        (["--repair", "native", "--repair", "native"], "both in"),
+        (["--keep-wrong"], "--repair, which is not given"),
+    ],
+)
+def test_a_repair_that_cannot_be_meant_is_refused(log, words, said, capsys):
+    assert replay(log, *words) == 2
+    assert said in capsys.readouterr().err

@@ -5,7 +5,7 @@ from vsensor.profile.bursts import NOTHING_OPEN, Assembly, Burst, FrameKey, Imag
 from vsensor.profile.columns import Column
 from vsensor.profile.compiled import Profile
 from vsensor.profile.config import GeometryConfig, ProfileConfig
-from vsensor.profile.load import SCHEMA, load_profile, load_profiles, shipped_profiles
+from vsensor.profile.load import SCHEMA, load_profile, load_profiles, load_worded, shipped_profiles
 from vsensor.profile.pages import Page
 from vsensor.profile.plan import MessagePlan
 from vsensor.profile.quantisation import quantisation_error_m
@@ -37,6 +37,7 @@ __all__ = [
     "left_over",
     "load_profile",
     "load_profiles",
+    "load_worded",
     "quantisation_error_m",
     "shipped_profiles",
 ]

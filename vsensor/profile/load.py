@@ -41,6 +41,16 @@ def load_profiles(names: Sequence[str | Path], dbc: Path | None = None) -> list[
     return [load_profile(name, None if "database" in read_toml(_find(name)) else dbc) for name in names]
 
 
+def load_worded(text: str, spare: Path | None = None) -> Profile:
+    """Load "NAME" or "NAME=DATABASE", as a command line says it; `spare` is for a profile without one."""
+    name, equals, database = text.partition("=")
+    if not equals or Path(text).is_file():
+        return load_profile(text, None if "database" in read_toml(_find(text)) else spare)
+    if not name or not database:
+        raise ConfigError(f"profile {text!r}: NAME or NAME=DATABASE was expected, as honda=honda.dbc")
+    return load_profile(name, Path(database))
+
+
 def _find(name: str | Path) -> Path:
     path = Path(name)
     if path.suffix == ".toml" or path.is_file():

@@ -2,16 +2,19 @@
 
 from vsensor.replay.options import ReplayOptions
 from vsensor.replay.outputs import Outputs
-from vsensor.replay.player import Player, Stage, played
+from vsensor.replay.player import Player, played
 from vsensor.replay.reel import Cut, Reel, survey
+from vsensor.replay.repair import Repair
 from vsensor.replay.report import Report
 from vsensor.replay.session import replay_log
+from vsensor.replay.stages import Stage
 
 __all__ = [
     "Cut",
     "Outputs",
     "Player",
     "Reel",
+    "Repair",
     "ReplayOptions",
     "Report",
     "Stage",

@@ -40,6 +40,8 @@ class ReplayOptions:
     skip_unsendable: bool = False
     log: Path | None = None
     realtime: bool = False
+    repair: tuple[str, ...] = ()
+    keep_wrong: bool = False
 
 
 def speed_of(text: str) -> Fraction:

@@ -9,12 +9,12 @@ when it fits before the next deadline, by what it cost before.
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 from vsensor.clock import Clock
 from vsensor.replay.reel import Piece, Reel
 from vsensor.replay.report import Report
+from vsensor.replay.stages import Chain, Stage
 from vsensor.types import Frame
 
 AHEAD = 4096
@@ -39,18 +39,6 @@ class Sending(Protocol):
     def drain(self) -> Sequence[Frame]:
         """Return what was heard since the last call."""
         ...
-
-
-@dataclass(frozen=True, slots=True)
-class Stage:
-    """A change of frames on their way: `function(state, frame)` gives the next state and a frame, or several.
-
-    `due_ns` of the frame counts from the beginning of the replay, and goes on over loops and seeks. A frame
-    that is not sent after all (a seek) leaves the state as it was.
-    """
-
-    function: Callable[[Any, Frame], tuple[Any, Frame | tuple[Frame, ...]]]
-    state: Any = None
 
 
 class Player:
@@ -78,8 +66,8 @@ class Player:
         """
         self.report = Report(real_time=real_time)
         self.states = [stage.state for stage in stages]
+        self._chain = Chain(stages)
         self._reel, self._sending, self._clock = reel, sending, clock
-        self._functions = [stage.function for stage in stages]
         self._record = record
         self._pieces: deque[Piece] = deque()
         self._at = self._ahead = 0  # place in the first piece; frames read and not yet sent
@@ -110,13 +98,14 @@ class Player:
         if self._paused_ns is not None:
             self._spend(self.now_ns + REST_NS)
             return True
-        if not self._pieces and not self._fill():
+        next_due_ns = self._next_due()
+        if next_due_ns is None:
             self.finish()
             return False
         if not self.report.real_time:
             self._send_piece()
             return True
-        due_ns = self.origin_ns + self._next().due_ns
+        due_ns = self.origin_ns + next_due_ns
         if self.now_ns < due_ns:
             self._spend(min(due_ns, self.now_ns + REST_NS))
         if self.now_ns >= due_ns:
@@ -144,6 +133,7 @@ class Player:
             frame = self._next()
             self._paused_ns = self._clock.now_ns()
             self.origin_ns = self._paused_ns - frame.due_ns
+            self._wake_until(frame.due_ns)
             self._send(frame)
         return count
 
@@ -175,6 +165,28 @@ class Player:
     def _next(self) -> Frame:
         return self._pieces[0].frames[self._at]
 
+    def _next_due(self) -> int | None:
+        """Return when the next frame is due, of the log or of a stage; None if there is none any more."""
+        due_ns = self._next().due_ns if self._pieces or self._fill() else None
+        woken = self._chain.next_wake(self.states)
+        if woken is None:
+            return due_ns
+        return woken[0] if due_ns is None else min(due_ns, woken[0])
+
+    def _wake_until(self, last_ns: int) -> None:
+        """Send the stages' own frames that are due before, or at, `last_ns`; what a bus refuses is lost."""
+        while self._chain.is_timed and (woken := self._chain.next_wake(self.states)) is not None:
+            due_ns, number = woken
+            if due_ns > last_ns:
+                return
+            self.states, frames = self._chain.wake(self.states, number, due_ns)
+            self._ready = None  # it was made with the states before
+            self.report.order(self._due_ns, due_ns)
+            self._due_ns = max(self._due_ns, due_ns)
+            if self.report.real_time and self._paused_ns is None:
+                self.report.late(self.now_ns - self.origin_ns - due_ns)
+            self._give((self.states, frames))
+
     def _fill(self) -> bool:
         """Read until there is a frame to send; False if there is none any more."""
         while not self._pieces and not self._reel.ended:
@@ -189,8 +201,8 @@ class Player:
 
     def _spend(self, until_ns: int) -> None:
         """Do what fits before `until_ns`, then wait for it."""
-        if self._paused_ns is None and self._ready is None:
-            self._ready = self._changed(self._next())
+        if self._paused_ns is None and self._ready is None and self._pieces:
+            self._ready = self._chain.through(self.states, (self._next(),))
         while (work := self._work(until_ns - self.now_ns)) is not None:
             before_ns = self.now_ns
             work()
@@ -236,8 +248,12 @@ class Player:
         while count < AT_ONCE and self._pieces and (due_ns := self._next().due_ns) <= last_ns:
             if not firsts or due_ns != firsts[-1][1]:
                 firsts.append((count, due_ns))
+            self._wake_until(due_ns)
             self._send(self._next())
             count += 1
+        if not count:
+            self._wake_until(last_ns)
+            return
         if count == 1:
             self.report.late(last_ns - firsts[0][1])
             return
@@ -248,15 +264,24 @@ class Player:
         self.now_ns += took_ns
 
     def _send_piece(self) -> None:
-        """Send what is left of the first piece without waiting."""
+        """Send what is left of the first piece without waiting; after the last, what stages have left."""
+        if not self._pieces:
+            self._wake_until(self._next_due() or 0)
+            return
         piece = self._pieces[0]
         for frame in piece.frames[self._at :]:
+            self._wake_until(frame.due_ns)
             self._send(frame)
 
     def _send(self, frame: Frame) -> None:
-        states, frames = self._ready or self._changed(frame)
+        result = self._ready or self._chain.through(self.states, (frame,))
         self._ready = None
         self._advance_place(frame)
+        self._give(result)
+
+    def _give(self, result: tuple[list[Any], tuple[Frame, ...]]) -> None:
+        """Hand frames to the buses; the states that belong to them count if one of the frames was taken."""
+        states, frames = result
         is_gone = not frames
         for one in frames:
             taken = self._sending.send(one)
@@ -281,19 +306,6 @@ class Player:
         if self._at == len(piece.frames):
             self._pieces.popleft()
             self._at = 0
-
-    def _changed(self, frame: Frame) -> tuple[list[Any], tuple[Frame, ...]]:
-        """Return the stages' next states and what becomes of a frame."""
-        if not self._functions:
-            return self.states, (frame,)
-        states, frames = list(self.states), tuple([frame])
-        for number, function in enumerate(self._functions):
-            changed: list[Frame] = []
-            for one in frames:
-                states[number], result = function(states[number], one)
-                changed += result if isinstance(result, tuple) else (result,)
-            frames = tuple(changed)
-        return states, frames
 
 
 def played(player: Player, stopped: Callable[[], bool] = lambda: False) -> Iterator[None]:

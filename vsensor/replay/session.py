@@ -9,17 +9,19 @@ from vsensor.clock import Clock, MonotonicClock, SimulatedClock, epoch_offset_ns
 from vsensor.codec import Database, load_database
 from vsensor.errors import ConfigError
 from vsensor.logs import LogWriter, open_log_writer
-from vsensor.profile import load_profiles
+from vsensor.profile import load_profiles, load_worded
 from vsensor.realtime import calm_collector, real_time_priority
 from vsensor.replay.choice import EXTENDED_KEY, Choice, Names, choice, key, keys_of
 from vsensor.replay.keys import HELP
 from vsensor.replay.open_outputs import open_outputs
 from vsensor.replay.options import ReplayOptions, epoch_ns, log_time_ns, speed_of
 from vsensor.replay.outputs import Outputs
-from vsensor.replay.player import REST_NS, Player, Stage, played
+from vsensor.replay.player import REST_NS, Player, played
 from vsensor.replay.reel import PIECE, Cut, Reel, Survey, survey
+from vsensor.replay.repair import Repair
 from vsensor.replay.report import Report
 from vsensor.replay.smooth import measured_cycles
+from vsensor.replay.stages import Stage
 from vsensor.replay.timeline import Pace
 
 Say = Callable[[str], None]
@@ -48,6 +50,7 @@ def replay_log(
     """
     _require_sense(options)
     databases = _databases(options)
+    stages = (*stages, *_stages(options, databases))
     head = survey(options.path, options.rate_hz)
     chosen = choice(options.include, options.exclude, options.rename, _names(databases))
     with contextlib.ExitStack() as stack:
@@ -64,7 +67,23 @@ def replay_log(
         stack.enter_context(calm_collector())
         if _wait(options, outputs, player, clock, stopped):
             _play(player, stopped, keys, say)
-    return _judged(options, player, reel, outputs)
+    report = _judged(options, player, reel, outputs)
+    for stage, state in zip(stages, player.states, strict=True):
+        report.notes += stage.told(state) if stage.told is not None else ()
+    return report
+
+
+def _stages(options: ReplayOptions, databases: list[Database]) -> list[Stage]:
+    """Return the changes of frames that the options ask for; their databases give names, too."""
+    if options.keep_wrong and not options.repair:
+        raise ConfigError("--keep-wrong: says something of --repair, which is not given")
+    if not options.repair:
+        return []
+    spare = options.dbc[0] if len(options.dbc) == 1 else None
+    profiles = [load_worded(text, spare) for text in options.repair]
+    databases += [load_database(profile.database) for profile in profiles]
+    speed = 1.0 if options.fast else float(speed_of(options.speed))
+    return [Repair(profiles, speed=speed, keep_wrong=options.keep_wrong).stage()]
 
 
 def _require_sense(options: ReplayOptions) -> None:
