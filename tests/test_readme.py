@@ -343,3 +343,10 @@ def test_the_picture_is_small_enough_to_load():
 def test_readme_names_no_place_of_one_machine():
     for word in ("/work", "/tmp", "/root", "/home"):
         assert word not in README, textwrap.shorten(README[README.find(word) :], 60)
+
+
+def test_the_table_of_error_model_entries_has_every_entry_and_no_other():
+    from vsensor.error_model.checks import KEYS
+
+    said = [name for row in table("| entry of an error model | shape | what |") for name in codes(row[0])]
+    assert sorted(said) == sorted(KEYS)

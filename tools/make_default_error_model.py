@@ -18,7 +18,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from vsensor.error_model import DEFAULT_FILE, ErrorModel, save_model
+from vsensor.error_model import DEFAULT_FILE, ErrorLibrary, library_of, normal_model, save_library
 
 OFFSET_M = 0.015
 HEADING_RAD = 0.95e-3
@@ -29,14 +29,14 @@ LEVELS = (0.5, 0.8, 0.9, 0.95, 0.97, 0.99)
 SOURCE = "assumed: offset 15 mm, heading 0.95 mrad, curvature 4.4e-5 1/m, normal; no recorded drive"
 
 
-def default_model() -> ErrorModel:
+def default_library() -> ErrorLibrary:
     range_m = np.arange(0.0, 151.0, 5.0)
     speed_mps = np.arange(0.0, 71.0, 10.0)
     x, v = np.meshgrid(range_m, speed_mps, indexing="ij")
     growth = 0.6 + 0.4 * v / 33.3
     std_m = np.sqrt(OFFSET_M**2 + growth**2 * ((HEADING_RAD * x) ** 2 + (CURVATURE_PER_M * x**2 / 2) ** 2))
     factors = np.array([NormalDist().inv_cdf((1.0 + level) / 2.0) for level in LEVELS])
-    return ErrorModel(
+    model = normal_model(
         range_m=range_m,
         speed_mps=speed_mps,
         levels=np.array(LEVELS),
@@ -44,14 +44,14 @@ def default_model() -> ErrorModel:
         std_m=np.round(std_m, 6),
         correlation_time_s=CORRELATION_TIME_S,
         correlation_length_m=CORRELATION_LENGTH_M,
-        source=SOURCE,
     )
+    return library_of(model, SOURCE)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=DEFAULT_FILE, help="file to write")
-    save_model(default_model(), parser.parse_args().out)
+    save_library(default_library(), parser.parse_args().out)
 
 
 if __name__ == "__main__":

@@ -5,13 +5,13 @@ Snapshot --camera--> Observation --region, errors--> Detections --fit, tracker, 
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import isfinite
+from math import isfinite, nan
 from pathlib import Path
 
 from vsensor import error_model, lanefit, motion, quality, tracker
 from vsensor.camera import Camera, CameraConfig, observe
 from vsensor.draws import Draws
-from vsensor.error_model import ErrorLaw, ErrorModelConfig, ErrorState, load_law
+from vsensor.error_model import Conditions, ErrorLaw, ErrorModelConfig, ErrorState, load_law
 from vsensor.lanefit import LaneFitConfig
 from vsensor.motion import Motion, MotionConfig, MotionState, load_motion
 from vsensor.quality import QualityConfig
@@ -24,6 +24,7 @@ from vsensor.types import (
     Detections,
     EgoState,
     LaneEstimate,
+    Light,
     Observation,
     Scene,
     Snapshot,
@@ -125,8 +126,9 @@ def sense(
     lap("camera")
     detections = limit(config.region, observation, ego.speed_mps, snapshot.t_ns)
     line_ids = tuple(scene.markings[place].group for place in detections.lines.marking.tolist())
+    conditions = _conditions(ego, scene)
     errors, lines = error_model.apply(
-        sensor.law, state.errors, sensor.draws, tick, ego.speed_mps, line_ids, detections.lines
+        sensor.law, state.errors, sensor.draws, tick, conditions, line_ids, detections.lines
     )
     detections = replace(detections, lines=lines)
     lap("region+error")
@@ -155,6 +157,18 @@ def _placed(assignment: Assignment, scene: Scene) -> tuple[Boundary, ...]:
     return tuple(
         line if line.measured else replace(line, marking=place.get(assignment.predicted[line.side], -1))
         for line in assignment.boundaries
+    )
+
+
+def _conditions(ego: EgoState, scene: Scene) -> Conditions:
+    """Return what the rule of the error model may ask for."""
+    return Conditions(
+        speed_mps=ego.speed_mps,
+        acceleration_mps2=ego.acceleration_mps2,
+        yaw_rate_radps=ego.yaw_rate_radps,
+        curvature_per_m=ego.yaw_rate_radps / ego.speed_mps if ego.speed_mps > 1.0 else nan,
+        night=scene.environment.light is Light.NIGHT,
+        rain=scene.environment.rain,
     )
 
 

@@ -1,50 +1,48 @@
-"""The errors of the real sensor: a surface over range and speed, read from a file, correlated in time.
+"""A library compiled for one mode: tables on one range grid, ready to be read at a speed.
 
-    level, range, speed ──► |error| not exceeded in `level` of the cases     mode "extreme" (P1 3.3)
-    range, speed        ──► standard deviation of the signed error           mode "volume"
+    extreme   |error| not exceeded in `level` of the cases                             P1 3.3
+    levels    the surfaces of all levels, between which a Markov chain jumps           P1 4.2
+    volume    quantiles of the signed error: a Gaussian copula, error = Q(Phi(z); range, speed)
 
-Each point is moved along the normal of its line (ERRATA, P1 2.2.2), left positive. In "volume" the
-error divided by its standard deviation is a Gaussian process: AR(1) from image to image with the
-file's correlation time, and along the range a squared-exponential kernel with the file's
-correlation length, so that the polynomial fitted afterwards keeps the law (an exponential kernel of
-20 m would lose up to 29 % of it in a cubic). Every line has its own draws, so what one line does
-never depends on which others are seen. Beyond the grid of the file the nearest value holds.
+Q is linear in the normal quantile z between the levels of the file, and goes on straight beyond them: so a
+normal law is exact with two levels, and no Phi is needed. Along range and speed tables are linear.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from itertools import pairwise
-from math import exp, isnan, sqrt
+from math import isnan
 from pathlib import Path
 from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
+from scipy.ndimage import distance_transform_edt
+from scipy.special import ndtri
 
-from vsensor.draws import Draws, Stage
-from vsensor.error_model.file import DEFAULT_FILE, ErrorModel, load_model
+from vsensor.error_model.chain import stationary
+from vsensor.error_model.file import DEFAULT_FILE, load_library
+from vsensor.error_model.model import ErrorLibrary, ErrorModel
+from vsensor.error_model.rule import Conditions, Rule, pick
+from vsensor.error_model.shift import CHORD_M
 from vsensor.errors import ConfigError
-from vsensor.schema import Config
-from vsensor.types import Array, LinePoints, Tick, frozen
+from vsensor.schema import Config, user_path
+from vsensor.types import Array, frozen
 
-FORGET_AFTER = 5.0
-"""Correlation times after which an unseen line is forgotten: exp(-5) = 0.7 % of it would be left."""
-CHORD_M = 5.0
-"""Length over which a line's direction is taken, and the widest step of the range grid."""
-WHOLE_DRIVE = 2**64 - 1
-"""Number of the stream for what is drawn once per drive; no tick has it."""
+NUGGET = 1e-6
+"""The squared-exponential kernel alone is singular in float64; 0.1 % of the std becomes white."""
 
 
 class ErrorModelConfig(Config, frozen=True, kw_only=True):
     """What errors the sensor makes.
 
     `file` is a model file, the shipped one where absent; a relative path is meant from the folder of
-    the scenario. `level` (one of the file's) and `direction` are for mode "extreme": left and right
-    as seen when driving, inward towards the vehicle, random one of left and right for a whole drive.
-    `scale` multiplies every error.
+    the scenario. `level` (one of the file's) is for mode "extreme", `direction` for it and "levels": left
+    and right as seen when driving, inward towards the vehicle, random one of left and right for a whole
+    drive. `scale` multiplies every error.
     """
 
-    mode: Literal["none", "extreme", "volume"] = "volume"
+    mode: Literal["none", "extreme", "levels", "volume"] = "volume"
     file: str | None = None
     level: Annotated[float, msgspec.Meta(gt=0.0, lt=1.0)] = 0.95
     direction: Literal["left", "right", "inward", "outward", "random"] = "left"
@@ -52,174 +50,148 @@ class ErrorModelConfig(Config, frozen=True, kw_only=True):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ErrorLaw:
-    """A model compiled for one mode: `surface_m` (G, V) on `grid_m` (G,) and `speed_mps` (V,).
+class ModelLaw:
+    """One model: `table_m` (V, S, G) over `speed_mps` (V,), S knots and the range grid.
 
-    `factor` (G, G) is the Cholesky factor of the correlation along the range, None in mode "extreme".
+    Volume: `knots` (S,) are normal quantiles, `factor` (G, G) the Cholesky factor of the correlation along
+    the range, which lasts `time_s`. Levels: `step` (L + 1, L + 1) after each `period_s`, `start` (L + 1,)
+    the share of each in the long run.
     """
 
-    grid_m: Array
     speed_mps: Array
-    surface_m: Array
-    factor: Array | None
-    correlation_time_s: float
-    direction: str
+    table_m: Array
+    knots: Array
+    factor: Array
+    time_s: float
+    step: Array
+    start: Array
+    period_s: float
+
+    def at_speed(self, speed_mps: float) -> Array:
+        """Return the table (S, G) at a speed, linear between the columns; NaN = the highest speed."""
+        grid = self.speed_mps
+        top = float(grid[-1])
+        speed = top if isnan(speed_mps) else min(max(speed_mps, float(grid[0])), top)
+        column = min(max(int(np.searchsorted(grid, speed)) - 1, 0), len(grid) - 2)
+        part = (speed - grid[column]) / (grid[column + 1] - grid[column])
+        low, high = self.table_m[column], self.table_m[column + 1]
+        return np.asarray(low + part * (high - low))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ErrorState:
-    """Per known line its id, the tick it was last drawn at, and its white process `white` (M, G)."""
+class ErrorLaw:
+    """A library compiled for one mode, on `grid_m` (G,) that all its models share."""
 
-    lines: tuple[int, ...] = ()
-    ticks: tuple[int, ...] = ()
-    white: Array = field(default_factory=lambda: frozen(np.zeros((0, 0))))
+    library: ErrorLibrary
+    mode: str
+    direction: str
+    grid_m: Array
+    models: Mapping[str, ModelLaw]
+    rule: tuple[Rule, ...]
+
+    def at(self, conditions: Conditions) -> ModelLaw:
+        """Return the model that holds."""
+        return self.models[self.rule[0].model if len(self.rule) == 1 else pick(self.rule, conditions)]
 
 
 def load_law(config: ErrorModelConfig, folder: Path = Path()) -> ErrorLaw | None:
-    """Read and compile the configured model; None in mode "none". Raises ConfigError."""
+    """Read and compile the configured file; None in mode "none". Raises ConfigError."""
     if config.mode == "none":
         return None
-    path = DEFAULT_FILE if config.file is None else folder / config.file
-    return compile_law(config, load_model(path), str(path))
+    path = DEFAULT_FILE if config.file is None else folder / user_path(config.file)
+    return compile_law(config, load_library(path), str(path))
 
 
-def compile_law(config: ErrorModelConfig, model: ErrorModel, where: str = "error model") -> ErrorLaw:
-    """Lay the surface of the mode on a range grid fine enough for the correlation length."""
-    step_m = min(model.correlation_length_m / 5.0, CHORD_M)  # between such points 99.5 % of the std is kept
-    pieces = [
-        np.linspace(a, b, max(int(np.ceil((b - a) / step_m)), 1), endpoint=False)
-        for a, b in zip(model.range_m[:-1], model.range_m[1:], strict=True)
-    ]
-    grid = np.concatenate([*pieces, model.range_m[-1:]])
-    surface = model.std_m if config.mode == "volume" else _level_surface(config.level, model, where)
-    columns = [np.interp(grid, model.range_m, column) for column in surface.T]
+def compile_law(config: ErrorModelConfig, library: ErrorLibrary, where: str = "error model") -> ErrorLaw:
+    """Lay the tables of the mode on a range grid fine enough for the correlation length."""
+    grid = _grid(library.models.values())
     return ErrorLaw(
-        grid_m=frozen(grid),
-        speed_mps=model.speed_mps,
-        surface_m=frozen(config.scale * np.stack(columns, axis=1)),
-        factor=_correlation_factor(grid, model.correlation_length_m) if config.mode == "volume" else None,
-        correlation_time_s=model.correlation_time_s,
+        library=library,
+        mode=config.mode,
         direction=config.direction,
+        grid_m=grid,
+        models={name: _compiled(config, model, grid, where) for name, model in library.models.items()},
+        rule=library.rule,
     )
 
 
-def _level_surface(level: float, model: ErrorModel, where: str) -> Array:
+def _grid(models: Collection[ErrorModel]) -> Array:
+    nodes = np.unique(np.concatenate([model.range_m for model in models]))
+    length_m = min(model.applied_length_m for model in models)
+    return range_grid(nodes, length_m)
+
+
+def range_grid(nodes_m: Array, length_m: float) -> Array:
+    """Return the nodes and points between, so close that 99.5 % of the std is kept between two."""
+    step_m = min(length_m / 5.0, CHORD_M)
+    pieces = [
+        np.linspace(a, b, max(int(np.ceil((b - a) / step_m)), 1), endpoint=False)
+        for a, b in pairwise(nodes_m.tolist())
+    ]
+    return frozen(np.concatenate([*pieces, nodes_m[-1:]]))
+
+
+def _compiled(config: ErrorModelConfig, model: ErrorModel, grid_m: Array, where: str) -> ModelLaw:
+    surfaces, knots, factor = model.absolute_m, np.zeros(0), np.zeros((0, 0))
+    if config.mode == "extreme":
+        surfaces = surfaces[_place(config.level, model, where)][None]
+    elif config.mode == "volume":
+        surfaces, knots = model.applied_signed_m, ndtri(model.signed_levels)
+        factor = correlation_factor(grid_m, model.applied_length_m)
+    step = level_step(model)
+    return ModelLaw(
+        speed_mps=model.speed_mps,
+        table_m=frozen(config.scale * table_on(grid_m, model, surfaces)),
+        knots=frozen(knots),
+        factor=factor,
+        time_s=model.applied_time_s,
+        step=step,
+        start=stationary(step),
+        period_s=model.level_period_s,
+    )
+
+
+def _place(level: float, model: ErrorModel, where: str) -> int:
     place = int(np.argmin(np.abs(model.levels - level)))
     if abs(model.levels[place] - level) > 1e-9:
         known = ", ".join(f"{value:g}" for value in model.levels)
         raise ConfigError(f"{where}: error_model.level = {level:g}: the file has the levels {known}")
-    return np.asarray(model.absolute_m[place])
+    return place
 
 
-def _correlation_factor(grid_m: Array, length_m: float) -> Array:
-    distance = (grid_m[:, None] - grid_m[None, :]) / length_m
-    correlation = np.exp(-0.5 * distance**2)
-    nugget = 1e-6  # the kernel alone is singular in float64; 0.1 % of the std becomes white
-    return frozen(np.linalg.cholesky((1.0 - nugget) * correlation + nugget * np.eye(len(grid_m))))
-
-
-def initial_state() -> ErrorState:
-    """Return the state before the first image: no line is known."""
-    return ErrorState()
-
-
-def apply(
-    law: ErrorLaw | None,
-    state: ErrorState,
-    draws: Draws,
-    tick: Tick,
-    speed_mps: float,
-    line_ids: tuple[int, ...],
-    lines: LinePoints,
-) -> tuple[ErrorState, LinePoints]:
-    """Move the points of every line along its normal by the error of this image.
-
-    `line_ids` (K,) name the lines for good (a marking's group), seen or not: lines without points
-    advance too. An unknown speed (NaN) takes the highest of the grid. Cost: nothing without a law.
-    """
-    if law is None:
-        return state, lines
-    std = _at_speed(law, speed_mps)
-    if law.factor is None:
-        return state, _shift(lines, law.grid_m, _signs(law.direction, draws, lines)[:, None] * std)
-    state = _advance(law, state, draws, tick, line_ids)
-    white = dict(zip(state.lines, state.white, strict=True))
-    # one product per line: a joint one rounds differently with the number of lines, BLAS with the cores
-    smooth = [np.einsum("gh,h", law.factor, white[line]) for line in line_ids]
-    return state, _shift(lines, law.grid_m, [std * curve for curve in smooth])
-
-
-def _at_speed(law: ErrorLaw, speed_mps: float) -> Array:
-    """Return the surface (G,) at a speed, linear between the columns."""
-    grid = law.speed_mps
-    speed = float(grid[-1]) if isnan(speed_mps) else min(max(speed_mps, float(grid[0])), float(grid[-1]))
-    column = min(max(int(np.searchsorted(grid, speed)) - 1, 0), len(grid) - 2)
-    part = (speed - grid[column]) / (grid[column + 1] - grid[column])
-    left, right = law.surface_m[:, column], law.surface_m[:, column + 1]
-    return np.asarray(left + part * (right - left))
-
-
-def _advance(
-    law: ErrorLaw, state: ErrorState, draws: Draws, tick: Tick, line_ids: tuple[int, ...]
-) -> ErrorState:
-    """AR(1) over the ticks since each line's last one; a new line starts from the stationary law."""
-    size = len(law.grid_m)
-    decay_per_tick = tick.period_ns * 1e-9 / law.correlation_time_s
-    known = {line: (at, white) for line, at, white in zip(state.lines, state.ticks, state.white, strict=True)}
-    for line in line_ids:
-        noise = draws.at(Stage.ERROR_MODEL, tick.index, line).standard_normal(size)
-        if line in known:
-            at, white = known[line]
-            keep = exp(-max(tick.index - at, 0) * decay_per_tick)
-            noise = keep * white + sqrt(1.0 - keep * keep) * noise
-        known[line] = (tick.index, noise)
-    horizon = tick.index - FORGET_AFTER / decay_per_tick
-    kept = sorted(line for line, (at, _) in known.items() if at >= horizon)
-    return ErrorState(
-        lines=tuple(kept),
-        ticks=tuple(known[line][0] for line in kept),
-        white=frozen(np.array([known[line][1] for line in kept]).reshape(len(kept), size)),
+def table_on(grid_m: Array, model: ErrorModel, surfaces_m: Array) -> Array:
+    """Return surfaces (S, R, V) as a table (V, S, G); blind cells have the nearest cell's values."""
+    if model.blind.any():
+        place = distance_transform_edt(model.blind, return_distances=False, return_indices=True)
+        surfaces_m = surfaces_m[:, place[0], place[1]]
+    return np.array(
+        [
+            [np.interp(grid_m, model.range_m, row) for row in column]
+            for column in surfaces_m.transpose(2, 0, 1)
+        ]
     )
 
 
-def _signs(direction: str, draws: Draws, lines: LinePoints) -> Array:
-    """Return +1 (to the left) or -1 for each line (K,)."""
-    count = len(lines.marking)
-    if direction == "random":
-        to_left = draws.at(Stage.ERROR_MODEL, WHOLE_DRIVE).random() < 0.5
-        return np.full(count, 1.0 if to_left else -1.0)
-    if direction in ("left", "right"):
-        return np.full(count, 1.0 if direction == "left" else -1.0)
-    first = np.minimum(lines.starts[:-1], max(len(lines.points_ego_m) - 1, 0))
-    y = lines.points_ego_m[first, 1] if len(lines.points_ego_m) else np.zeros(count)
-    return np.where(y >= 0.0, 1.0, -1.0) * (1.0 if direction == "outward" else -1.0)
+def correlation_factor(grid_m: Array, length_m: float) -> Array:
+    """Return the Cholesky factor (G, G) of the squared-exponential correlation."""
+    distance = (grid_m[:, None] - grid_m[None, :]) / length_m
+    correlation = np.exp(-0.5 * distance**2)
+    return frozen(np.linalg.cholesky((1.0 - NUGGET) * correlation + NUGGET * np.eye(len(grid_m))))
 
 
-def _shift(lines: LinePoints, grid_m: Array, errors_m: Sequence[Array] | Array) -> LinePoints:
-    """Move line k by `errors_m[k]` (G,) given on `grid_m`, along its normal, left positive."""
-    points = lines.points_ego_m.copy()
-    moved = np.empty(len(points), complex)  # error + i slope: one search of the grid gives both
-    for row, (start, stop) in enumerate(pairwise(lines.starts.tolist())):
-        if stop > start:
-            x = points[start:stop, 0].copy()
-            on_grid = errors_m[row] + 1j * _slope(x, points[start:stop, 1], grid_m)
-            moved[start:stop] = np.interp(x, grid_m, on_grid)
-    offset, slope = moved.real, moved.imag
-    along_y = offset / np.sqrt(1.0 + slope * slope)
-    points[:, 0] -= along_y * slope
-    points[:, 1] += along_y
-    points.flags.writeable = False
-    return LinePoints(marking=lines.marking, starts=lines.starts, index=lines.index, points_ego_m=points)
+def quantile(knots: Array, table_m: Array, z: Array) -> Array:
+    """Return Q (..., G) at normal quantiles `z` (..., G): `table_m` (S, G) at `knots` (S,)."""
+    below = knots[1:-1].searchsorted(z)
+    column = np.arange(z.shape[-1])
+    low, high = table_m[below, column], table_m[below + 1, column]
+    start = knots[below]
+    return np.asarray(low + (high - low) * ((z - start) / (knots[below + 1] - start)))
 
 
-def _slope(x: Array, y: Array, grid_m: Array) -> Array:
-    """Return dy/dx (G,) of one line on the grid, from chords of about `CHORD_M`.
-
-    Between neighbours of 0.1 m the pixel grid would turn the normal by tens of degrees.
-    """
-    stride = max(int((len(x) - 1) * CHORD_M / max(x[-1] - x[0], CHORD_M)), 1)
-    x_node, y_node = x[::stride], y[::stride]
-    if len(x_node) < 2:
-        return np.zeros(len(grid_m))
-    run = x_node[1:] - x_node[:-1]
-    return np.asarray(np.interp(grid_m, x_node[:-1] + 0.5 * run, (y_node[1:] - y_node[:-1]) / run))
+def level_step(model: ErrorModel) -> Array:
+    """Return the Markov matrix of the levels; where none was fitted, one that forgets like the errors do."""
+    if len(model.level_step):
+        return model.level_step
+    share = np.diff([0.0, *model.levels, 1.0])
+    keep = np.exp(-model.level_period_s / model.applied_time_s)
+    return frozen(keep * np.eye(len(share)) + (1.0 - keep) * share)

@@ -1,0 +1,30 @@
+"""Markov chains of few states, stepped by one uniform number each."""
+
+import numpy as np
+
+from vsensor.types import Array, IntArray, frozen
+
+
+def stationary(step: Array) -> Array:
+    """Return the share (N,) of each state in the long run; `step` (N, N) has rows that sum to 1."""
+    size = len(step)
+    if size == 0:
+        return frozen(np.zeros(0))
+    equations = np.vstack([step.T - np.eye(size), np.ones(size)])
+    share = np.linalg.lstsq(equations, np.append(np.zeros(size), 1.0), rcond=None)[0]
+    share = np.maximum(share, 0.0)
+    return frozen(share / share.sum())
+
+
+def drawn(share: Array, uniform: Array) -> IntArray:
+    """Return states (K,) drawn from one distribution (N,) or one a row (K, N)."""
+    states: IntArray = (uniform[:, None] >= share.cumsum(axis=-1)).sum(axis=1)
+    return np.asarray(np.minimum(states, share.shape[-1] - 1))
+
+
+def stepped(step: Array, states: IntArray, count: int, uniform: Array) -> IntArray:
+    """Return the states (K,) after `count` steps, drawn by `uniform` (K,); none drawn without a step."""
+    if count <= 0:
+        return states
+    matrix = step if count == 1 else np.linalg.matrix_power(step, count)
+    return drawn(matrix[np.minimum(states, len(step) - 1)], uniform)

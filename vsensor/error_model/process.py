@@ -1,0 +1,123 @@
+"""The errors of an image: what each line remembers, advanced by a tick, and its points moved by it.
+
+Each point is moved along the normal of its line (ERRATA, P1 2.2.2), left positive. In mode "volume" each
+line carries a normal process z over the range: AR(1) from image to image with the model's correlation time,
+along the range a squared-exponential kernel with its correlation length, so that the polynomial fitted
+afterwards keeps the law (an exponential kernel of 20 m would lose up to 29 % of it in a cubic). z goes on
+where the rule picks another model, so there errors change no faster than either law says.
+Every line has its own draws, so what one does never depends on which others are seen. Beyond the grid of the
+file the nearest value holds.
+"""
+
+from dataclasses import dataclass, field
+from math import exp, sqrt
+
+import numpy as np
+
+from vsensor.draws import Draws, Stage
+from vsensor.error_model.chain import drawn, stepped
+from vsensor.error_model.law import ErrorLaw, ModelLaw, quantile
+from vsensor.error_model.rule import Conditions
+from vsensor.error_model.shift import shift
+from vsensor.types import Array, LinePoints, Tick, frozen
+
+FORGET_AFTER = 5.0
+"""Correlation times after which an unseen line is forgotten: exp(-5) = 0.7 % of it would be left."""
+WHOLE_DRIVE = 2**64 - 1
+"""Number of the stream for what is drawn once per drive; no tick has it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ErrorState:
+    """Per known line its id, the tick it was last drawn at, and its process: z (M, G), or a level (M, 1)."""
+
+    lines: tuple[int, ...] = ()
+    ticks: tuple[int, ...] = ()
+    process: Array = field(default_factory=lambda: frozen(np.zeros((0, 0))))
+
+
+def initial_state() -> ErrorState:
+    """Return the state before the first image: no line is known."""
+    return ErrorState()
+
+
+def apply(
+    law: ErrorLaw | None,
+    state: ErrorState,
+    draws: Draws,
+    tick: Tick,
+    conditions: Conditions,
+    line_ids: tuple[int, ...],
+    lines: LinePoints,
+) -> tuple[ErrorState, LinePoints]:
+    """Move the points of every line along its normal by the error of this image.
+
+    `line_ids` (K,) name the lines for good (a marking's group), seen or not: lines without points
+    advance too. An unknown speed (NaN) takes the highest of the grid. Cost: nothing without a law.
+    """
+    if law is None:
+        return state, lines
+    model = law.at(conditions)
+    table = model.at_speed(conditions.speed_mps)
+    if law.mode == "extreme":
+        return state, shift(lines, law.grid_m, _signs(law.direction, draws, lines)[:, None] * table[0])
+    state = _advance(law, model, state, draws, tick, line_ids)
+    if not line_ids:
+        return state, lines
+    known = dict(zip(state.lines, state.process, strict=True))
+    process = np.array([known[line] for line in line_ids])
+    if law.mode == "volume":
+        return state, shift(lines, law.grid_m, quantile(model.knots, table, process))
+    level = np.minimum(process[:, 0].astype(int), len(table) - 1)
+    return state, shift(lines, law.grid_m, _signs(law.direction, draws, lines)[:, None] * table[level])
+
+
+def _advance(
+    law: ErrorLaw, model: ModelLaw, state: ErrorState, draws: Draws, tick: Tick, line_ids: tuple[int, ...]
+) -> ErrorState:
+    """Advance every line from its last tick to this one; a new one starts from the stationary law."""
+    next_of = _next_z if law.mode == "volume" else _next_level
+    known = {line: (at, old) for line, at, old in zip(state.lines, state.ticks, state.process, strict=True)}
+    for line in line_ids:
+        at, old = known.get(line, (tick.index, None))
+        known[line] = (tick.index, next_of(model, old, at, draws, tick, line))
+    horizon = tick.index - FORGET_AFTER * model.time_s * 1e9 / tick.period_ns
+    kept = sorted(line for line, (at, _) in known.items() if at >= horizon)
+    width = len(law.grid_m) if law.mode == "volume" else 1
+    return ErrorState(
+        lines=tuple(kept),
+        ticks=tuple(known[line][0] for line in kept),
+        process=frozen(np.array([known[line][1] for line in kept]).reshape(len(kept), width)),
+    )
+
+
+def _next_z(model: ModelLaw, old: Array | None, at: int, draws: Draws, tick: Tick, line: int) -> Array:
+    noise = draws.at(Stage.ERROR_MODEL, tick.index, line).standard_normal(len(model.factor))
+    # one product per line: a joint one rounds differently with the number of lines, BLAS with the cores
+    smooth = np.asarray(np.einsum("gh,h", model.factor, noise))
+    if old is None:
+        return smooth
+    keep = exp(-max(tick.index - at, 0) * tick.period_ns * 1e-9 / model.time_s)
+    return np.asarray(keep * old + sqrt(1.0 - keep * keep) * smooth)
+
+
+def _next_level(model: ModelLaw, old: Array | None, at: int, draws: Draws, tick: Tick, line: int) -> Array:
+    uniform = draws.at(Stage.ERROR_MODEL, tick.index, line).random(1)
+    if old is None:
+        return drawn(model.start, uniform).astype(np.float64)
+    period_ns = model.period_s * 1e9
+    steps = int(tick.index * tick.period_ns / period_ns) - int(at * tick.period_ns / period_ns)
+    return stepped(model.step, old.astype(np.int64), steps, uniform).astype(np.float64)
+
+
+def _signs(direction: str, draws: Draws, lines: LinePoints) -> Array:
+    """Return +1 (to the left) or -1 for each line (K,)."""
+    count = len(lines.marking)
+    if direction == "random":
+        to_left = draws.at(Stage.ERROR_MODEL, WHOLE_DRIVE).random() < 0.5
+        return np.full(count, 1.0 if to_left else -1.0)
+    if direction in ("left", "right"):
+        return np.full(count, 1.0 if direction == "left" else -1.0)
+    first = np.minimum(lines.starts[:-1], max(len(lines.points_ego_m) - 1, 0))
+    y = lines.points_ego_m[first, 1] if len(lines.points_ego_m) else np.zeros(count)
+    return np.where(y >= 0.0, 1.0, -1.0) * (1.0 if direction == "outward" else -1.0)
