@@ -600,9 +600,10 @@ def test_ctrl_c_ends_a_run_with_its_summary_and_a_readable_log(tmp_path, number)
     out, err = process.communicate(timeout=20)
     assert process.returncode == 130, err
     ticks = int(re.search(r"^(\d+) ticks", out)[1])
-    assert 0 < ticks < 1500
+    dropped = int(re.search(r"slots dropped (\d+)", out)[1])  # of a machine that is busy just then
+    assert 0 <= dropped < ticks < 1500
     with can.LogReader(str(log)) as reader:
-        assert sum(1 for _ in reader) == 13 * ticks
+        assert sum(1 for _ in reader) == 13 * (ticks - dropped)
     from vsensor.sinks.trace import read_trace
 
     assert read_trace(trace)["tick"].max() == ticks - 1

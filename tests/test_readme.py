@@ -20,6 +20,7 @@ from vsensor.config import SHIPPED, ScenarioConfig
 from vsensor.sinks.trace_file import COLUMNS, SCHEMA
 from vsensor.types import SIDE_NAMES, Unseen
 
+pytestmark = pytest.mark.timeout(900)  # one fixture runs some thirty commands
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 TOLERANCE_M = 0.002
@@ -174,7 +175,7 @@ def test_a_test_file_of_readme_passes(number, folder):
     name = TEST_FILES[number].split()[1]
     (folder / name).write_text(TEST_FILES[number], encoding="utf-8")
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-m", "pytest", "-q", "-p", "no:cacheprovider", name],
+        [sys.executable, "-W", "error", "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:dash", name],
         cwd=folder,
         env=dict(os.environ, PYTHONPATH=str(ROOT)),
         capture_output=True,

@@ -15,6 +15,8 @@ def run_pytest(folder, *arguments):
             "pytest",
             "-p",
             "tools.parts_plugin",
+            "-p",
+            "no:dash",
             f"--rootdir={folder}",
             "-c/dev/null",
             *arguments,
