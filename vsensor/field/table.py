@@ -64,7 +64,7 @@ COLUMNS: Mapping[str, str] = {
     "measured": "Boolean",
     "lane_width_m": "Float32",
 }
-"""Name -> polars type. `error_m`: reported line minus reference along the reference's normal, left positive."""
+"""Name -> polars type. `error_m`: reported line minus reference along its normal, left positive."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

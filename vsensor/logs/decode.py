@@ -1,7 +1,7 @@
 """Quantities of a log as a table: a row per burst of frames, which for a lane camera is a row per image."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
@@ -100,12 +100,41 @@ def _shown(value: float, codes: type[IntEnum] | None) -> str:
     return str(int(value)) if value.is_integer() and abs(value) < 1e9 else f"{value:.6g}"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DecodedFrames:
+    """Quantities of a log by frame: `columns` have places in `used`, the data frames of the log.
+
+    `kinds` (len(used.t_ns),): see Profile.frame_kinds. `findings` are sentences for the user.
+    """
+
+    used: Columns
+    columns: dict[str, Column]
+    kinds: IntArray
+    findings: tuple[str, ...]
+
+    def rows(self, wanted: Callable[[str], bool] = lambda name: True) -> DecodedTable:
+        """Return the wanted quantities, a row per burst of the frames that carry them."""
+        columns = {name: column for name, column in self.columns.items() if wanted(name)}
+        return _by_row(columns, self.used, self.kinds, self.findings)
+
+    def series(self, name: str) -> tuple[IntArray, Array]:
+        """Return times and values (N,) of a quantity in the order of the log, none if it is not there."""
+        column = self.columns.get(name)
+        if column is None:
+            return np.empty(0, dtype=np.int64), np.empty(0)
+        return self.used.t_ns[column.rows], column.values
+
+
 def decode_log(path: Path | str, profiles: Sequence[Profile]) -> DecodedTable:
     """Decode all quantities of the profiles; a frame with a wrong CRC is left out and counted.
 
     Raises LogError if the log cannot be read or holds no frame of the profiles.
     """
-    table = read_log(path)
+    return decode_frames(read_log(path), profiles).rows()
+
+
+def decode_frames(table: LogTable, profiles: Sequence[Profile]) -> DecodedFrames:
+    """Decode all quantities of the profiles in a log; raises LogError if it holds no frame of them."""
     mask = table.data_frames()
     used = table.columns.taken(mask)
     extended = (used.flags & 1).astype(bool)
@@ -125,7 +154,7 @@ def decode_log(path: Path | str, profiles: Sequence[Profile]) -> DecodedTable:
         findings += _losses(profile, table, mask, known)
     if not columns:
         raise LogError(_nothing(table, profiles))
-    return _by_row(columns, used, kinds, tuple(findings))
+    return DecodedFrames(used=used, columns=columns, kinds=kinds, findings=tuple(findings))
 
 
 def _losses(profile: Profile, table: LogTable, mask: BoolArray, known: int) -> list[str]:

@@ -7,7 +7,7 @@ y left          inner edge          front axle x = wheelbase
 """
 
 from vsensor.profile import QUANTITIES
-from vsensor.signals.describe import from_bus, origin_x_m, to_bus
+from vsensor.signals.describe import columns_from_bus, from_bus, origin_x_m, to_bus
 from vsensor.signals.lane import lane_offset_m
 from vsensor.signals.values import values_from
 from vsensor.signals.vehicle import VehicleConfig
@@ -15,6 +15,7 @@ from vsensor.signals.vehicle import VehicleConfig
 __all__ = [
     "QUANTITIES",
     "VehicleConfig",
+    "columns_from_bus",
     "from_bus",
     "lane_offset_m",
     "origin_x_m",

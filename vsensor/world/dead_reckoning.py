@@ -119,6 +119,19 @@ class Pose:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Poses:
+    """Many points of the path, all arrays (M,); see Pose."""
+
+    x_m: Array
+    y_m: Array
+    yaw_rad: Array
+    s_m: Array
+    speed_mps: Array
+    yaw_rate_radps: Array
+    acceleration_mps2: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DrivenPath:
     """The path of the rear axle, all arrays (N,), times strictly rising; it starts at (0, 0), heading 0.
 
@@ -153,6 +166,26 @@ class DrivenPath:
             speed_mps=speed0 + part * (speed1 - speed0),
             yaw_rate_radps=rate0 + part * (rate1 - rate0),
             acceleration_mps2=float(self.acceleration_mps2[k]),
+        )
+
+    def poses(self, t_ns: IntArray) -> "Poses":
+        """Return the poses at times (M,) within the path, as `at` does."""
+        k = np.clip(np.searchsorted(self.t_ns, t_ns, side="right") - 1, 0, len(self.t_ns) - 2)
+        step_s = (self.t_ns[k + 1] - self.t_ns[k]) / NANOSECONDS_PER_SECOND
+        part = (t_ns - self.t_ns[k]) / NANOSECONDS_PER_SECOND / step_s
+        turn = (self.yaw_rad[k + 1] - self.yaw_rad[k]) * part
+        travelled = part * step_s * (self.speed_mps[k] + self.speed_mps[k + 1]) / 2
+        chord = travelled * np.sinc(turn / 2 / np.pi)
+        heading = self.yaw_rad[k] + turn / 2
+        return Poses(
+            x_m=self.x_m[k] + chord * np.cos(heading),
+            y_m=self.y_m[k] + chord * np.sin(heading),
+            yaw_rad=self.yaw_rad[k] + turn,
+            s_m=self.s_m[k] + np.abs(travelled),
+            speed_mps=self.speed_mps[k] + part * (self.speed_mps[k + 1] - self.speed_mps[k]),
+            yaw_rate_radps=self.yaw_rate_radps[k]
+            + part * (self.yaw_rate_radps[k + 1] - self.yaw_rate_radps[k]),
+            acceleration_mps2=self.acceleration_mps2[k],
         )
 
 
