@@ -174,8 +174,9 @@ PROGRAMS = [block for block in blocks("python") if block not in TEST_FILES]
 def test_a_test_file_of_readme_passes(number, folder):
     name = TEST_FILES[number].split()[1]
     (folder / name).write_text(TEST_FILES[number], encoding="utf-8")
+    options = ["-q", "-p", "no:cacheprovider", "-p", "no:dash"]
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:dash", name],
+        [sys.executable, "-W", "error", "-m", "pytest", *options, name],
         cwd=folder,
         env=dict(os.environ, PYTHONPATH=str(ROOT)),
         capture_output=True,

@@ -196,7 +196,7 @@ def _coarse(t_ns: IntArray, rate: Array, speed: Array, profiles: list[Profile]) 
     far_m = step / 2 * 100.0**2 / 2 / mean_mps
     return [
         f"yaw rate in steps of {degrees(step):.3f} deg/s, which no noise blurs for {bare:.0%} of the drive: "
-        f"half a step is up to {far_m:.2f} m at 100 m at {mean_mps:.0f} m/s in the reference made from the path"
+        f"half a step is up to {far_m:.2f} m at 100 m at {mean_mps:.0f} m/s in a reference along the path"
     ]
 
 

@@ -1,4 +1,4 @@
-"""The rows of a log's table, some images at a time: errors of all sides at all ranges, and their circumstances."""
+"""The rows of a log's table, some images at a time: errors of all sides at all ranges, and the vehicle."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
