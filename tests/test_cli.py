@@ -606,7 +606,7 @@ def test_ctrl_c_ends_a_run_with_its_summary_and_a_readable_log(tmp_path, number)
         assert sum(1 for _ in reader) == 13 * (ticks - dropped)
     from vsensor.sinks.trace import read_trace
 
-    assert read_trace(trace)["tick"].max() == ticks - 1
+    assert len(set(read_trace(trace)["tick"].tolist())) == ticks - dropped
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
