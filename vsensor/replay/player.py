@@ -9,6 +9,7 @@ when it fits before the next deadline, by what it cost before.
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from itertools import chain, islice
 from typing import Any, Protocol
 
 from vsensor.clock import Clock
@@ -26,6 +27,7 @@ LISTEN_NS = 20_000_000
 """A full bus brings 160 frames in that time, a socket holds at least 270."""
 UNHEARD = 1000  # frames sent without listening, where there is no time at all
 RECORDED_AT_ONCE, UNRECORDED = 64, 4096
+IMAGE_FRAMES = 256  # that are looked at for the end of an image
 AT_ONCE = 16  # frames that were late are sent between two looks at the clock
 
 
@@ -142,6 +144,8 @@ class Player:
 
         The replay's own time goes on: `due_ns` of frames, counters and timestamps of the stages.
         """
+        if self._paused_ns is None:
+            self._finish_image()
         now_ns = self._clock.now_ns() if self._paused_ns is None else self._paused_ns
         due_ns = max(self._due_ns, now_ns - self.origin_ns)
         loop = self._pieces[0].loop if self._pieces else 0
@@ -155,6 +159,16 @@ class Player:
             self.origin_ns = self.now_ns - due_ns
         else:
             self.origin_ns = self._paused_ns - due_ns
+
+    def _finish_image(self) -> None:
+        """Send what is left of an image that has begun, where the reel keeps images whole."""
+        first = self._at
+        coming = chain.from_iterable(
+            piece.frames[first * (number == 0) :] for number, piece in enumerate(self._pieces)
+        )
+        for _ in range(self._reel.unfinished(islice(coming, IMAGE_FRAMES))):
+            self._wake_until(self._next().due_ns)
+            self._send(self._next())
 
     def finish(self) -> None:
         """Record and hear what is left: at the end, or instead of playing on."""

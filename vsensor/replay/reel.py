@@ -1,6 +1,6 @@
 """A log as a player reads it: piece by piece, over loops and seeks, each frame with the time it is due."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -10,7 +10,8 @@ import numpy as np
 from vsensor.errors import LogError
 from vsensor.logs import Columns, Notes, frames_of, iter_chunks
 from vsensor.logs.table import joined
-from vsensor.replay.choice import Choice, keys_of
+from vsensor.replay.beat import Beat, InStep, rest_of_image
+from vsensor.replay.choice import EXTENDED_KEY, Choice, keys_of
 from vsensor.replay.smooth import Smooth, smoothed
 from vsensor.replay.timeline import Order, Pace, Place, in_order, looped, moved, paced, seam_of
 from vsensor.types import BoolArray, Frame, IntArray
@@ -28,7 +29,7 @@ class Cut:
     """What part of a log is played, and how often. Times are the log's own, None: its first and last frame.
 
     `rate_hz` gives frame k the time k / rate_hz instead of its own. `cycles` (ns by key, see choice.keys_of):
-    spread batches by them; None: leave the times alone.
+    spread batches by them; None: leave the times alone. `beat`: seams and seeks keep this rhythm.
     """
 
     start_ns: int | None = None
@@ -36,6 +37,7 @@ class Cut:
     loops: int = 1
     rate_hz: float | None = None
     cycles: Mapping[int, int] | None = None
+    beat: Beat | None = None
 
 
 class Survey(NamedTuple):
@@ -118,7 +120,13 @@ class Reel:
         self._found: list[str] = []
         self._end_ns = self.start_ns
         self._place = Place(at_ns=self.start_ns)
+        self._step = None if self._cut.beat is None else InStep(self._cut.beat, self._pace)
         self._begin(self.start_ns)
+
+    @property
+    def is_in_step(self) -> bool:
+        """Whether seams and seeks keep a rhythm."""
+        return self._step is not None
 
     def pull(self) -> Piece | None:
         """Decode the next few frames; None if none of them is played, or (`ended`) there are no more.
@@ -129,8 +137,7 @@ class Reel:
             return None
         columns = self._next()
         if columns is None:
-            self._turn_over()
-            return None
+            return self._turn_over()
         return self._played(columns)
 
     def seek(self, log_ns: int, due_ns: int, loop: int = 0) -> None:
@@ -138,13 +145,25 @@ class Reel:
         log_ns = max(log_ns, self.start_ns)
         self._place = moved(self._pace, log_ns, due_ns)
         self._loop, self.ended = loop, False
+        if self._step is not None:
+            self._step.seek(due_ns)
         self._begin(log_ns)
+
+    def unfinished(self, frames: Iterable[Frame]) -> int:
+        """Return how many of the coming frames belong to an image that has begun, with what is between."""
+        if self._cut.beat is None:
+            return 0
+        origins = {new: old for old, new in self._choice.rename.items()}
+        keys = (f.arbitration_id | EXTENDED_KEY * f.is_extended for f in frames)
+        return rest_of_image(self._cut.beat, (origins.get(key, key) for key in keys))
 
     def findings(self) -> list[str]:
         """Return what was found in what was read of the log, as sentences."""
         if self._read > self._judged:
             self._judged, self._found = self._read, [*self._order.lines(self._read), *self._garbage()]
-        return self._found
+        if self._step is None:
+            return self._found
+        return [*self._found, *self._step.lines()]
 
     def _begin(self, log_ns: int) -> None:
         """Read from the first frame of the file: what is skipped tells where the order of times stands."""
@@ -154,6 +173,7 @@ class Reel:
         self._order, self._smooth = Order(), Smooth(latest_ns={})
         self._read = 0
         self._from_ns = log_ns
+        self._chosen_before = self.chosen  # of this pass
 
     def _next(self) -> Columns | None:
         """Return the next frames of the file, None at the end of the part that is played."""
@@ -188,24 +208,43 @@ class Reel:
             rows[rows] = self._sendable(columns.taken(rows))
         if not rows.any():
             return None
-        self._place, due_ns = paced(self._pace, self._place, m_ns[rows])
-        chosen = self._choice.renamed(columns.taken(rows))._replace(t_ns=due_ns)
-        self.chosen += len(due_ns)
-        return Piece(list(frames_of(chosen)), m_ns[rows].tolist(), self._loop)
+        chosen, m_ns = columns.taken(rows), m_ns[rows]
+        if self._step is not None:
+            chosen, m_ns, self._place = self._step.take(chosen, m_ns, self._place)
+        return self._timed(chosen, m_ns)
 
-    def _turn_over(self) -> None:
-        """End a pass: begin the next one, or end."""
+    def _timed(self, columns: Columns, m_ns: IntArray) -> Piece | None:
+        """Return the frames that are played, each with the time it is due."""
+        if not len(m_ns):
+            return None
+        self._place, due_ns = paced(self._pace, self._place, m_ns)
+        self.chosen += len(due_ns)
+        renamed = self._choice.renamed(columns)._replace(t_ns=due_ns)
+        return Piece(list(frames_of(renamed)), m_ns.tolist(), self._loop)
+
+    def _turn_over(self) -> Piece | None:
+        """End a pass: begin the next one, or end; returns what was kept back of the last one."""
         self.findings()
+        is_last = self._cut.loops != LOOPS_FOR_EVER and self._loop + 1 >= self._cut.loops
+        rest = (
+            self._step.rest()
+            if self._step is not None and (is_last or self.chosen == self._chosen_before)
+            else None
+        )
+        last = None if rest is None else self._timed(*rest)
         if not self.chosen:
             raise LogError(self.fault or f"{self._path}: {NOTHING}")
         self._loop += 1
-        if self._cut.loops != LOOPS_FOR_EVER and self._loop >= self._cut.loops:
+        if is_last:
             self.ended = True
-            return
+            return last
+        if self._step is not None:
+            self._step.turn_over(self._place)
         self._place = looped(
             self._pace, self._place, start_ns=self.start_ns, end_ns=self._end_ns, seam_ns=self.seam_ns
         )
         self._begin(self.start_ns)
+        return last
 
     def _garbage(self) -> list[str]:
         notes = self._notes

@@ -9,8 +9,9 @@ from vsensor.clock import Clock, MonotonicClock, SimulatedClock, epoch_offset_ns
 from vsensor.codec import Database, load_database
 from vsensor.errors import ConfigError
 from vsensor.logs import LogWriter, open_log_writer
-from vsensor.profile import load_profiles, load_worded
+from vsensor.profile import Profile, load_profiles, load_worded
 from vsensor.realtime import calm_collector, real_time_priority
+from vsensor.replay.beat import Beat, beat_of
 from vsensor.replay.choice import EXTENDED_KEY, Choice, Names, choice, key, keys_of
 from vsensor.replay.keys import HELP
 from vsensor.replay.open_outputs import open_outputs
@@ -50,12 +51,15 @@ def replay_log(
     """
     _require_sense(options)
     databases = _databases(options)
-    stages = (*stages, *_stages(options, databases))
+    profiles = _repaired(options)
+    databases += [load_database(profile.database) for profile in profiles]
+    stages = (*stages, *_stages(options, profiles))
     head = survey(options.path, options.rate_hz)
     chosen = choice(options.include, options.exclude, options.rename, _names(databases))
     with contextlib.ExitStack() as stack:
         outputs = open_outputs(options, head, chosen, stack)
-        reel = _reel(options, head, chosen, outputs, databases)
+        beat = _beat(profiles, head, chosen)
+        reel = _reel(options, head, chosen, outputs, databases, beat)
         clock = _clock(options)
         record = _recording(options, head, stack)
         player = Player(
@@ -73,17 +77,25 @@ def replay_log(
     return report
 
 
-def _stages(options: ReplayOptions, databases: list[Database]) -> list[Stage]:
-    """Return the changes of frames that the options ask for; their databases give names, too."""
+def _repaired(options: ReplayOptions) -> list[Profile]:
     if options.keep_wrong and not options.repair:
         raise ConfigError("--keep-wrong: says something of --repair, which is not given")
-    if not options.repair:
-        return []
     spare = options.dbc[0] if len(options.dbc) == 1 else None
-    profiles = [load_worded(text, spare) for text in options.repair]
-    databases += [load_database(profile.database) for profile in profiles]
+    return [load_worded(text, spare) for text in options.repair]
+
+
+def _stages(options: ReplayOptions, profiles: Sequence[Profile]) -> list[Stage]:
+    """Return the changes of frames that the options ask for."""
+    if not profiles:
+        return []
     speed = 1.0 if options.fast else float(speed_of(options.speed))
     return [Repair(profiles, speed=speed, keep_wrong=options.keep_wrong).stage()]
+
+
+def _beat(profiles: Sequence[Profile], head: Survey, chosen: Choice) -> Beat | None:
+    """Return the rhythm of the images that are repaired, as the beginning of the log has it."""
+    rows = chosen.mask(head.columns, head.channels)
+    return beat_of(profiles, keys_of(head.columns)[rows], head.m_ns[rows], chosen.rename)
 
 
 def _require_sense(options: ReplayOptions) -> None:
@@ -123,7 +135,12 @@ def _names(databases: Sequence[Database]) -> Names | None:
 
 
 def _reel(
-    options: ReplayOptions, head: Survey, chosen: Choice, outputs: Outputs, databases: Sequence[Database]
+    options: ReplayOptions,
+    head: Survey,
+    chosen: Choice,
+    outputs: Outputs,
+    databases: Sequence[Database],
+    beat: Beat | None,
 ) -> Reel:
     start, stop = (
         None if text is None else log_time_ns(option, text, head.start_ns)
@@ -137,6 +154,7 @@ def _reel(
         loops=options.loops,
         rate_hz=options.rate_hz,
         cycles=_cycles(head, databases) if options.smooth else None,
+        beat=beat,
     )
     gap_ns = None if options.max_gap_s is None else round(options.max_gap_s * 1e9)
     pace = Pace(speed=speed_of(options.speed), max_gap_ns=gap_ns)
@@ -236,7 +254,12 @@ def _judged(options: ReplayOptions, player: Player, reel: Reel, outputs: Outputs
     report.names = dict(reel.channels)
     report.notes += [*reel.findings(), *outputs.report()]
     if options.loops != 1:
-        report.notes.append(f"at each seam {reel.seam_ns / 1e6:.3f} ms, the log's median interval")
+        seam = (
+            "in the rhythm of the images"
+            if reel.is_in_step
+            else f"{reel.seam_ns / 1e6:.3f} ms, the log's median interval"
+        )
+        report.notes.append(f"at each seam {seam}")
     if options.log is not None:
         report.notes.append(f"wrote {options.log}")
     return report
