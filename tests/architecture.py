@@ -28,6 +28,7 @@ ORDER = """
     / study
     / plots control
     / run
+    / overlay
     / session replay
     / pitfalls
     / check

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from tests.replay.playing import MS, play, player_of, write_log
-from vsensor.replay.player import AHEAD, REST_NS
-from vsensor.replay.reel import Cut
+from vsensor.replay.player import REST_NS
+from vsensor.replay.reel import AHEAD, Cut
 from vsensor.replay.stages import Stage
 from vsensor.types import Frame
 

@@ -18,12 +18,15 @@ from vsensor.sources.map_drive import MapDrive
 from vsensor.transmit import Transmitter
 
 
-def build_line(scenario: Scenario) -> Line:
-    """Load and compile everything that a scenario names; raises VsensorError subclasses."""
+def build_line(scenario: Scenario, source: Source | None = None) -> Line:
+    """Load and compile everything that a scenario names; raises VsensorError subclasses.
+
+    `source` stands in place of the one that the scenario names.
+    """
     config = scenario.config
     profile = load_profile(*_profile_files(scenario))
     with _named(scenario):
-        source = build_source(scenario)
+        source = build_source(scenario) if source is None else source
         sensor = Sensor.of(config.sensor(), config.seed, scenario.folder)
         timeline = faults_of(config.fault, profile)
     return Line(

@@ -12,11 +12,16 @@ from vsensor.logs.table import ERROR, FD
 from vsensor.replay.choice import Choice
 from vsensor.replay.options import ReplayOptions, mapping
 from vsensor.replay.outputs import Outputs
+from vsensor.replay.overlay import Overlay
 from vsensor.replay.reel import SURVEY, Survey
 
 
 def open_outputs(
-    options: ReplayOptions, head: Survey, chosen: Choice, stack: contextlib.ExitStack
+    options: ReplayOptions,
+    head: Survey,
+    chosen: Choice,
+    stack: contextlib.ExitStack,
+    overlay: Overlay | None = None,
 ) -> Outputs:
     """Open the buses, closed with `stack`; raises BusError or ConfigError for what they cannot send.
 
@@ -29,6 +34,9 @@ def open_outputs(
     if not options.skip_unsendable:
         _require_channels(options, head, buses, rest, columns)
     wants_fd = _wanting_fd(head.channels, buses, rest, columns)
+    if overlay is not None and overlay.synth.line.is_fd:
+        name = next(name for name, number in head.channels.items() if number == overlay.lay.channel)
+        wants_fd.add(buses.get(name, rest or ""))
     opened = {name: _open(name, name in wants_fd, options, stack) for name in {*buses.values(), rest} if name}
     return Outputs(
         head.channels,

@@ -38,6 +38,7 @@ class ReplayOptions:
     wait_for: str | None = None
     start_at: str | None = None
     skip_unsendable: bool = False
+    overlay: str | None = None
     log: Path | None = None
     realtime: bool = False
     repair: tuple[str, ...] = ()

@@ -1,7 +1,7 @@
 """Sends frames at absolute deadlines; reading, recording and listening are done while there is time.
 
-    log ──► Reel.pull ──► pieces, up to AHEAD frames ──► stages ──► wait ──► buses ──► recording
-            (128 frames)                               (repair..)   until origin + due_ns
+    log ──► Reel.pull ──► pieces, read ahead ──► stages ──► wait ──► buses ──► recording
+            (128 frames)                        (repair..)  until origin + due_ns
 
 One thread, one core `advance`: what it does next depends on the clock alone. Work that can wait is done
 when it fits before the next deadline, by what it cost before.
@@ -13,13 +13,11 @@ from itertools import chain, islice
 from typing import Any, Protocol
 
 from vsensor.clock import Clock
-from vsensor.replay.reel import Piece, Reel
+from vsensor.replay.reel import Piece
 from vsensor.replay.report import Report
 from vsensor.replay.stages import Chain, Stage
 from vsensor.types import Frame
 
-AHEAD = 4096
-"""Frames read ahead: half a second of a full bus, in case there is no pause to read in."""
 SCARCE = 256  # below it reading comes before everything else that can wait
 REST_NS = 20_000_000
 """A longer wait is cut, so that keys and Ctrl-C are heard."""
@@ -43,6 +41,22 @@ class Sending(Protocol):
         ...
 
 
+class Pulled(Protocol):
+    """What the player needs of a reel, or of one with something laid over it."""
+
+    start_ns: int
+    ended: bool
+    most_ahead: int
+
+    def pull(self) -> Piece | None:
+        """Return the next few frames; None if there is none yet, or (`ended`) any more."""
+        ...
+
+    def seek(self, log_ns: int, due_ns: int, loop: int = 0, unsent: Sequence[Frame] = ()) -> None:
+        """Go on with the first frame not before `log_ns`, due at `due_ns`; `unsent` were pulled in vain."""
+        ...
+
+
 class Player:
     """Plays a reel. `advance` until it returns False; between two calls anything may be asked of it.
 
@@ -53,7 +67,7 @@ class Player:
 
     def __init__(
         self,
-        reel: Reel,
+        reel: Pulled,
         sending: Sending,
         clock: Clock,
         *,
@@ -149,9 +163,10 @@ class Player:
         now_ns = self._clock.now_ns() if self._paused_ns is None else self._paused_ns
         due_ns = max(self._due_ns, now_ns - self.origin_ns)
         loop = self._pieces[0].loop if self._pieces else 0
+        unsent = [frame for piece in self._pieces for frame in piece.frames][self._at :]
         self._pieces.clear()
         self._at, self._ahead, self._ready = 0, 0, None
-        self._reel.seek(self._reel.start_ns + round(log_s * 1e9), due_ns, loop)
+        self._reel.seek(self._reel.start_ns + round(log_s * 1e9), due_ns, loop, unsent)
         self._position_ns = self._reel.start_ns + max(0, round(log_s * 1e9))
         self._fill()  # takes as long as reading up to there: not counted
         self.now_ns = self._clock.now_ns()
@@ -233,7 +248,7 @@ class Player:
             return self._listen
         if self._to_record and left_ns > self._record_ns:
             return self._write
-        return self._pull if may_pull and self._ahead < AHEAD else None
+        return self._pull if may_pull and self._ahead < self._reel.most_ahead else None
 
     def _note_cost(self, work: Callable[[], None], cost_ns: int) -> None:
         """Remember what a work took: the most of late, with a margin; it is forgotten by and by."""

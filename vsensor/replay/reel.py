@@ -1,6 +1,6 @@
 """A log as a player reads it: piece by piece, over loops and seeks, each frame with the time it is due."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -16,6 +16,8 @@ from vsensor.replay.smooth import Smooth, smoothed
 from vsensor.replay.timeline import Order, Pace, Place, in_order, looped, moved, paced, seam_of
 from vsensor.types import BoolArray, Frame, IntArray
 
+AHEAD = 4096
+"""Frames read ahead: half a second of a full bus, in case there is no pause to read in."""
 PIECE = 128
 """Frames decoded at a time: some 0.3 ms, which fits between two frames of most buses."""
 SURVEY = 65536
@@ -92,6 +94,8 @@ def times_at(rate_hz: float, first: int, count: int) -> IntArray:
 class Reel:
     """A log that is played. `pull` gives the next frames; `seek` goes elsewhere, replay time goes on."""
 
+    most_ahead = AHEAD
+
     def __init__(
         self,
         path: Path,
@@ -140,7 +144,7 @@ class Reel:
             return self._turn_over()
         return self._played(columns)
 
-    def seek(self, log_ns: int, due_ns: int, loop: int = 0) -> None:
+    def seek(self, log_ns: int, due_ns: int, loop: int = 0, unsent: Sequence[Frame] = ()) -> None:
         """Go on, in pass `loop`, with the first frame not before `log_ns`; that time is due at `due_ns`."""
         log_ns = max(log_ns, self.start_ns)
         self._place = moved(self._pace, log_ns, due_ns)

@@ -4,6 +4,7 @@ import contextlib
 import os
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from vsensor.clock import Clock, MonotonicClock, SimulatedClock, epoch_offset_ns
 from vsensor.codec import Database, load_database
@@ -17,6 +18,7 @@ from vsensor.replay.keys import HELP
 from vsensor.replay.open_outputs import open_outputs
 from vsensor.replay.options import ReplayOptions, epoch_ns, log_time_ns, speed_of
 from vsensor.replay.outputs import Outputs
+from vsensor.replay.overlay import Sendable, open_overlay
 from vsensor.replay.player import REST_NS, Player, played
 from vsensor.replay.reel import PIECE, Cut, Reel, Survey, survey
 from vsensor.replay.repair import Repair
@@ -57,13 +59,23 @@ def replay_log(
     head = survey(options.path, options.rate_hz)
     chosen = choice(options.include, options.exclude, options.rename, _names(databases))
     with contextlib.ExitStack() as stack:
-        outputs = open_outputs(options, head, chosen, stack)
-        beat = _beat(profiles, head, chosen)
-        reel = _reel(options, head, chosen, outputs, databases, beat)
+        cut = _cut(options, head, databases)
+        overlay = open_overlay(options, head, cut, say, stack)
+        if overlay is None:
+            cut = replace(cut, beat=_beat(profiles, head, chosen))
+        outputs = open_outputs(options, head, chosen, stack, overlay)
+        sendable = outputs.sendable if overlay is None else overlay.without_camera(outputs.sendable)
+        reel = _reel(options, head, chosen, cut, sendable)
         clock = _clock(options)
         record = _recording(options, head, stack)
         player = Player(
-            reel, outputs, clock, stages=stages, record=record, real_time=not options.fast, origin_ns=0
+            reel if overlay is None else overlay.laid_over(reel),
+            outputs,
+            clock,
+            stages=stages,
+            record=record,
+            real_time=not options.fast,
+            origin_ns=0,
         )
         _say_start(options, outputs, say, keys)
         if options.realtime:
@@ -71,6 +83,8 @@ def replay_log(
         stack.enter_context(calm_collector())
         if _wait(options, outputs, player, clock, stopped):
             _play(player, stopped, keys, say)
+        if overlay is not None:
+            player.report.notes += overlay.lines()
     report = _judged(options, player, reel, outputs)
     for stage, state in zip(stages, player.states, strict=True):
         report.notes += stage.told(state) if stage.told is not None else ()
@@ -134,32 +148,27 @@ def _names(databases: Sequence[Database]) -> Names | None:
     return Names.of(databases) if databases else None
 
 
-def _reel(
-    options: ReplayOptions,
-    head: Survey,
-    chosen: Choice,
-    outputs: Outputs,
-    databases: Sequence[Database],
-    beat: Beat | None,
-) -> Reel:
+def _cut(options: ReplayOptions, head: Survey, databases: Sequence[Database]) -> Cut:
     start, stop = (
         None if text is None else log_time_ns(option, text, head.start_ns)
         for option, text in (("--start", options.start), ("--stop", options.stop))
     )
     if stop is not None and stop <= (head.start_ns if start is None else start):
         raise ConfigError(f"--stop {options.stop}: lies before what is to be played begins")
-    cut = Cut(
+    return Cut(
         start_ns=start,
         stop_ns=stop,
         loops=options.loops,
         rate_hz=options.rate_hz,
         cycles=_cycles(head, databases) if options.smooth else None,
-        beat=beat,
     )
+
+
+def _reel(options: ReplayOptions, head: Survey, chosen: Choice, cut: Cut, sendable: Sendable) -> Reel:
     gap_ns = None if options.max_gap_s is None else round(options.max_gap_s * 1e9)
     pace = Pace(speed=speed_of(options.speed), max_gap_ns=gap_ns)
     piece = PIECE_WITHOUT_WAITING if options.fast else PIECE
-    return Reel(options.path, head, choice=chosen, pace=pace, cut=cut, sendable=outputs.sendable, piece=piece)
+    return Reel(options.path, head, choice=chosen, pace=pace, cut=cut, sendable=sendable, piece=piece)
 
 
 def _cycles(head: Survey, databases: Sequence[Database]) -> dict[int, int]:

@@ -29,6 +29,7 @@ from vsensor.types import (
 from vsensor.world.dead_reckoning import (
     DrivenPath,
     OffsetEstimate,
+    Pose,
     common_times,
     integrated,
     resampled,
@@ -84,7 +85,12 @@ def load_drive(log: Path, config: DriveConfig, folder: Path = Path()) -> Drive:
     and DbcError (profile).
     """
     profiles = profiles_of(config.profile, config.dbc, folder)
-    table = read_log(log)
+    return drive_of(read_log(log), profiles, config)
+
+
+def drive_of(table: LogTable, profiles: Sequence[Profile], config: DriveConfig) -> Drive:
+    """Integrate the ego motion of a log that was read; raises as `load_drive`."""
+    log = table.report.path
     signals = _signals(table, profiles, config)
     times_ns, speed = signals[SPEED]
     rate_ns, rate = signals[YAW_RATE]
@@ -248,9 +254,12 @@ class RecordedDrive:
         now_ns = self._start_ns + tick.t_ns
         if now_ns > self._stop_ns:
             return None, None
-        pose = self.drive.path.at(now_ns)
+        return None, self.seen(self.drive.path.at(now_ns), tick.t_ns)
+
+    def seen(self, pose: Pose, t_ns: int, s_m: float | None = None) -> Snapshot:
+        """Return the truth of a vehicle at `pose`; `s_m`: the road's length abreast, if it left the path."""
         ego = EgoState(
-            t_ns=tick.t_ns,
+            t_ns=t_ns,
             position_world_m=frozen((pose.x_m, pose.y_m, 0.0)),
             yaw_rad=pose.yaw_rad,
             speed_mps=pose.speed_mps,
@@ -258,6 +267,7 @@ class RecordedDrive:
             acceleration_mps2=pose.acceleration_mps2,
             lateral_acceleration_mps2=pose.speed_mps * pose.yaw_rate_radps,
         )
-        markings = self.road.markings_window(pose.s_m - BEHIND_M, pose.s_m + self._view_m)
+        s_m = pose.s_m if s_m is None else s_m
+        markings = self.road.markings_window(s_m - BEHIND_M, s_m + self._view_m)
         scene = Scene(markings=markings, environment=self._environment)
-        return None, Snapshot(t_ns=tick.t_ns, ego=ego, scene=scene)
+        return Snapshot(t_ns=t_ns, ego=ego, scene=scene)

@@ -1,0 +1,62 @@
+"""From a scenario to a sensor that can be laid over: a log, or whatever is on a bus."""
+
+from collections.abc import Callable
+
+from vsensor.config import Scenario
+from vsensor.errors import ConfigError
+from vsensor.line import Line, build_line, build_source
+from vsensor.logs import LogTable
+from vsensor.overlay.following import Following, drive_keys
+from vsensor.overlay.on_map import OnMap
+from vsensor.overlay.synth import Placed, Synth
+from vsensor.sources import LOG_SUFFIXES
+from vsensor.sources.drive import RecordedDrive, drive_of
+from vsensor.sources.live import LiveDrive
+from vsensor.sources.map_drive import MapDrive
+from vsensor.sources.profiles import profiles_of
+from vsensor.world.laid_road import lay_road
+
+Read = Callable[[frozenset[tuple[int, bool]]], LogTable]
+"""Reads the frames of these messages (id, is 29-bit) and the first frame of the log that is played."""
+
+
+def synth_of(scenario: Scenario, read: Read | None = None) -> Synth:
+    """Compile the sensor of a scenario; `read` gives the frames of the log that it is laid over.
+
+    A scenario whose source is a log takes the played one instead: the road is laid along its path.
+    """
+    source = _source(scenario, read)
+    line = build_line(scenario, source)
+    return Synth(line=line, source=source, period_ns=scenario.config.cycle_ms * 1_000_000)
+
+
+def camera_keys(line: Line) -> frozenset[tuple[int, bool]]:
+    """Return (id, is 29-bit) of the sensor's own messages, which the overlay replaces."""
+    return frozenset(line.profile.by_id)
+
+
+def heard_keys(synth: Synth) -> frozenset[tuple[int, bool]]:
+    """Return (id, is 29-bit) of the messages that the source listens to."""
+    drive = synth.source.drive if isinstance(synth.source, OnMap) else None
+    if not isinstance(drive, LiveDrive):
+        return frozenset()
+    layouts = [channel.plan.layout for channel in drive.listener.channels.values()]
+    return frozenset((layout.arbitration_id, layout.is_extended) for layout in layouts)
+
+
+def _source(scenario: Scenario, read: Read | None) -> Placed:
+    if scenario.source.suffix.lower() not in LOG_SUFFIXES:
+        on_map = build_source(scenario)
+        assert isinstance(on_map, LiveDrive | MapDrive)
+        return OnMap(on_map)
+    if read is None:
+        raise ConfigError(
+            f"{scenario.path or scenario.source}: source = {scenario.config.source!r}: a map was expected, "
+            "a road can be laid only along a log that is played"
+        )
+    config = scenario.config
+    profiles = profiles_of(config.drive.profile, config.drive.dbc, scenario.folder)
+    drive = drive_of(read(drive_keys(profiles)), profiles, config.drive)
+    road = lay_road(config.road, drive.path, config.drive.offset_m)
+    environment, reach_m = config.environment.environment(), config.scene.range_m
+    return Following(RecordedDrive(drive, road, environment, reach_m))

@@ -1,0 +1,136 @@
+"""`--overlay`: a scenario's lane sensor comes onto a log; what the log has of such a sensor is left out."""
+
+import contextlib
+from collections.abc import Callable
+from time import perf_counter
+
+import numpy as np
+
+from vsensor.config import load_scenario
+from vsensor.logs import Columns, LogTable, Notes, iter_chunks
+from vsensor.logs.table import joined, table_from
+from vsensor.overlay import Desk, Elsewhere, Here, Synth, Wish, camera_keys, heard_keys, synth_of
+from vsensor.replay.choice import EXTENDED_KEY, keys_of
+from vsensor.replay.options import ReplayOptions, speed_of
+from vsensor.replay.overlaid import Lay, Overlaid
+from vsensor.replay.reel import Cut, Reel, Survey, times_at
+from vsensor.replay.smooth import Smooth, smoothed
+from vsensor.replay.timeline import Order, in_order
+from vsensor.types import BoolArray
+
+Say = Callable[[str], None]
+Ids = frozenset[tuple[int, bool]]
+Sendable = Callable[[Columns], BoolArray]
+
+WARM_IMAGES = 5
+
+
+class Overlay:
+    """A sensor ready to be laid over a log; computed in a process of its own unless time is simulated."""
+
+    def __init__(self, synth: Synth, lay: Lay, *, in_place: bool) -> None:
+        """Start to compute; open buses after that."""
+        self.synth, self.lay = synth, lay
+        self.removed = 0  # frames of the log with the sensor's ids
+        self._keys = _keys(lay.keys)
+        self._desk: Desk = Here(synth) if in_place else Elsewhere(synth)
+        self._over: Overlaid | None = None
+
+    def without_camera(self, sendable: Sendable) -> Sendable:
+        """Return `sendable` that leaves out the sensor's own messages, too, and counts them."""
+
+        def rest(columns: Columns) -> BoolArray:
+            own = np.isin(keys_of(columns), self._keys)
+            self.removed += int(np.count_nonzero(own))
+            mask: BoolArray = ~own
+            if mask.any():
+                mask[mask] = sendable(columns.taken(mask))
+            return mask
+
+        return rest
+
+    def laid_over(self, reel: Reel) -> Overlaid:
+        """Return the reel with the sensor's frames."""
+        self._over = Overlaid(reel, self._desk, self.lay)
+        return self._over
+
+    def lines(self) -> list[str]:
+        """Return what it did, as sentences."""
+        images = self._over.images if self._over else 0
+        said = [f"{images} images of profile {self.synth.line.profile.name} laid over the log"]
+        if self.removed:
+            said.append(f"{self.removed} frames of the log with the sensor's ids left out")
+        return [f"overlay: {text}" for text in (*said, *self._desk.remarks())]
+
+    def close(self) -> None:
+        """End the process."""
+        self._desk.close()
+
+
+def open_overlay(
+    options: ReplayOptions, head: Survey, cut: Cut, say: Say, stack: contextlib.ExitStack
+) -> Overlay | None:
+    """Compile the sensor of `--overlay` for a log; closed with `stack`. Raises VsensorError subclasses."""
+    if options.overlay is None:
+        return None
+    scenario = load_scenario(options.overlay)
+    synth = synth_of(scenario, lambda ids: _table(options, cut, ids))
+    keys = camera_keys(synth.line)
+    lay = Lay(
+        period_ns=synth.period_ns,
+        speed=speed_of(options.speed),
+        channel=_channel(head, keys),
+        keys=keys,
+        heard=heard_keys(synth),
+    )
+    for text in (*synth.source.notes, *synth.source.findings):
+        say(f"overlay: {text}")
+    _warn(synth, lay, options, say)
+    overlay = Overlay(synth, lay, in_place=options.fast)
+    stack.callback(overlay.close)
+    return overlay
+
+
+def _table(options: ReplayOptions, cut: Cut, ids: Ids) -> LogTable:
+    """Read the frames of `ids`, and the log's first one, with the times at which the log is played."""
+    notes, parts, keys = Notes(), list[Columns](), _keys(ids)
+    order, smooth, read = Order(), Smooth(latest_ns={}), 0
+    for columns in iter_chunks(options.path, notes=notes, untimed=cut.rate_hz is not None):
+        if cut.rate_hz is not None:
+            columns = columns._replace(t_ns=times_at(cut.rate_hz, read, len(columns.t_ns)))
+        order, m_ns = in_order(order, columns.t_ns)
+        if cut.cycles is not None:
+            smooth, m_ns = smoothed(smooth, cut.cycles, keys_of(columns), m_ns)
+        wanted = np.isin(keys_of(columns), keys)
+        wanted[0] |= not read
+        read += len(m_ns)
+        parts.append(columns._replace(t_ns=m_ns).taken(wanted))
+    return table_from(str(options.path), joined(parts), notes)
+
+
+def _keys(ids: Ids) -> list[int]:
+    return [number | EXTENDED_KEY * is_extended for number, is_extended in ids]
+
+
+def _channel(head: Survey, keys: Ids) -> int:
+    """Return the channel of the sensor's frames: where the log has such, else that of its first frame."""
+    own = np.flatnonzero(np.isin(keys_of(head.columns), _keys(keys)))
+    return int(head.columns.channel[own[0] if len(own) else 0])
+
+
+def _warn(synth: Synth, lay: Lay, options: ReplayOptions, say: Say) -> None:
+    """Say if an image takes longer to compute than there is time for at this speed."""
+    if options.fast:
+        return
+    state, costs = synth.initial(), list[float]()
+    log_ns = int(state.source.log_ns) if hasattr(state.source, "log_ns") else 0
+    for index in range(WARM_IMAGES):
+        began_s = perf_counter()
+        state, _ = synth.compute(state, Wish(index, log_ns + index * lay.period_ns))
+        costs.append(perf_counter() - began_s)
+    every_ms, takes_ms = float(lay.period_ns / lay.speed / 1_000_000), min(costs) * 1e3
+    if takes_ms > every_ms:
+        say(
+            f"--speed {options.speed}: an image every {every_ms:.1f} ms, and one takes {takes_ms:.1f} ms to "
+            "compute: the replay will fall behind"
+        )
