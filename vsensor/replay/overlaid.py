@@ -129,11 +129,11 @@ class Overlaid:
         return sensor_ns * speed.denominator // speed.numerator
 
     def _split(self) -> None:
-        """Move the car's frames before the next slot into the entries, or that slot."""
+        """Move the car's frames up to the next slot into the entries, or that slot."""
         frames, at = self._car.frames, self._at
         due_ns = self.slot_due_ns(self._next)
         end = at
-        while end < len(frames) and frames[end].due_ns < due_ns:
+        while end < len(frames) and frames[end].due_ns <= due_ns:
             end += 1
         if end > at:
             run = Piece(frames[at:end], self._car.log_ns[at:end], self._car.loop)
