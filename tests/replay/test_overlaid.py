@@ -125,7 +125,9 @@ def test_a_log_that_is_silent_for_long_asks_for_few_images_ahead(tmp_path):
     player, bus, desk = laid_player(path)
     assert len(desk.wishes) <= 8
     play(player)
-    assert [k for _, k in images(bus)] == list(range(1500))  # what is due with the last frame has no time left
+    assert [k for _, k in images(bus)] == list(
+        range(1500)
+    )  # what is due with the last frame has no time left
 
 
 def test_what_moves_the_vehicle_is_told_with_the_image_after_it_on_the_sensors_clock(log):
