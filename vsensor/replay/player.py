@@ -8,7 +8,7 @@ when it fits before the next deadline, by what it cost before.
 """
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain, islice
 from typing import Any, Protocol
 
@@ -54,6 +54,10 @@ class Pulled(Protocol):
 
     def seek(self, log_ns: int, due_ns: int, loop: int = 0, unsent: Sequence[Frame] = ()) -> None:
         """Go on with the first frame not before `log_ns`, due at `due_ns`; `unsent` were pulled in vain."""
+        ...
+
+    def unfinished(self, frames: Iterable[Frame]) -> int:
+        """Return how many of the coming frames are to be sent before a seek."""
         ...
 
 
