@@ -7,7 +7,7 @@ import pytest
 
 from tests.lines import line_points, points_of
 from vsensor.errors import ConfigError
-from vsensor.region import RegionConfig, limit, operating_range_m
+from vsensor.region import RegionConfig, limit, operating_range_m, reach_at
 from vsensor.schema import convert
 from vsensor.types import Observation
 
@@ -48,20 +48,20 @@ def test_an_unknown_speed_gives_the_shortest_range():
 
 
 def test_points_beyond_the_range_are_dropped_and_the_last_one_within_stays():
-    found = limit(TABLE, observation((X, 0 * X), (X[60:], 0 * X[60:]), (X[:5], X[:5])), 20.0, 7)
+    found = limit(reach_at(TABLE, 20.0), observation((X, 0 * X), (X[60:], 0 * X[60:]), (X[:5], X[:5])), 7)
     np.testing.assert_array_equal(points_of(found.lines, 0)[:, 0], X[:51])
     assert len(points_of(found.lines, 1)) == 0
     np.testing.assert_array_equal(points_of(found.lines, 2)[:, 1], X[:5])
 
 
 def test_a_point_just_at_the_range_is_reported():
-    found = limit(TABLE, observation((X, 0 * X)), 0.0, 0)
+    found = limit(reach_at(TABLE, 0.0), observation((X, 0 * X)), 0)
     assert found.lines.points_ego_m[-1, 0] == found.operating_range_m == 30.0
 
 
 def test_what_belongs_to_a_point_goes_with_it():
     seen = observation((X, 0 * X), (X, 1 + 0 * X))
-    found = limit(TABLE, seen, 20.0, 7)
+    found = limit(reach_at(TABLE, 20.0), seen, 7)
     np.testing.assert_array_equal(found.sigma_y_m, np.concatenate([np.arange(51.0), np.arange(101.0, 152.0)]))
     np.testing.assert_array_equal(found.lines.index, np.concatenate([np.arange(51), np.arange(51)]))
     np.testing.assert_array_equal(found.lines.marking, seen.lines.marking)
@@ -69,18 +69,18 @@ def test_what_belongs_to_a_point_goes_with_it():
 
 
 def test_time_and_range_are_passed_on():
-    found = limit(TABLE, observation((X, X)), 20.0, 123)
+    found = limit(reach_at(TABLE, 20.0), observation((X, X)), 123)
     assert (found.exposed_at_ns, found.operating_range_m) == (123, pytest.approx(50.0))
 
 
 def test_where_not_enabled_everything_passes():
-    found = limit(RegionConfig(enabled=False), observation((X, X)), 0.0, 0)
+    found = limit(reach_at(RegionConfig(enabled=False), 0.0), observation((X, X)), 0)
     assert len(found.lines.index) == 101
     assert found.operating_range_m == math.inf
 
 
 def test_no_line_is_no_trouble():
-    assert len(limit(TABLE, observation(), 20.0, 0).lines.index) == 0
+    assert len(limit(reach_at(TABLE, 20.0), observation(), 0).lines.index) == 0
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ class Stage(IntEnum):
     ERROR_MODEL = 4
     FAULTS = 5
     IMAGE = 6
+    REPORT = 7
 
 
 class Draws:

@@ -96,6 +96,19 @@ def fit(config: LaneFitConfig, x_m: Array, y_m: Array, sigma_y_m: Array) -> Fit 
         x_m, y_m, sigma_y_m = x_m[kept], y_m[kept], sigma_y_m[kept]
 
 
+def operator(config: LaneFitConfig, x_m: Array) -> Array:
+    """Return (order + 1, N): what a fit makes of points at `x_m` (N,): coefficients = operator @ y.
+
+    That of the full order, without the limits of what a line may be; "sigma" weights are uniform here.
+    """
+    x_min, x_max = float(x_m.min()), float(x_m.max())
+    centre, half = 0.5 * (x_min + x_max), 0.5 * (x_max - x_min)
+    weight, _ = _weight(config, x_m, np.zeros(len(x_m)))
+    order = min(config.order, len(x_m) - 1)
+    inverse = np.linalg.pinv(_basis(order, (x_m - centre) / half, weight).T)
+    return _raw_from_chebyshev(order + 1, centre, half) @ (inverse if weight is None else inverse * weight)
+
+
 def _followed(config: LaneFitConfig, found: Fit, sigma_y_m: Array) -> float:
     """Return the share of its length on which a fit may follow its line; the misfit grows as length^4."""
     if not found.residual_std_m > config.max_misfit_m:  # NaN: as many coefficients as points

@@ -11,11 +11,11 @@ from pathlib import Path
 from vsensor import error_model, lanefit, motion, quality, tracker
 from vsensor.camera import Camera, CameraConfig, observe
 from vsensor.draws import Draws
-from vsensor.error_model import Conditions, ErrorLaw, ErrorModelConfig, ErrorState, load_law
+from vsensor.error_model import Conditions, ErrorLaw, ErrorModelConfig, ErrorState, ReportState, load_law
 from vsensor.lanefit import LaneFitConfig
 from vsensor.motion import Motion, MotionConfig, MotionState, load_motion
 from vsensor.quality import QualityConfig
-from vsensor.region import RegionConfig, limit
+from vsensor.region import RegionConfig, limit, reach_at
 from vsensor.scene import SceneConfig
 from vsensor.schema import Config
 from vsensor.tracker import Assignment, TrackerConfig, TrackerState
@@ -85,6 +85,7 @@ class SensorState:
 
     motion: MotionState
     errors: ErrorState
+    reports: ReportState | None
     tracks: TrackerState
 
 
@@ -101,7 +102,10 @@ class Sensed:
 def initial_state() -> SensorState:
     """Return the state before the first image."""
     return SensorState(
-        motion=motion.initial_state(), errors=error_model.initial_state(), tracks=tracker.initial_state()
+        motion=motion.initial_state(),
+        errors=error_model.initial_state(),
+        reports=None,
+        tracks=tracker.initial_state(),
     )
 
 
@@ -124,9 +128,10 @@ def sense(
         seen = replace(snapshot, ego=ego, scene=scene)
     observation = observe(sensor.camera, config.scene, seen)
     lap("camera")
-    detections = limit(config.region, observation, ego.speed_mps, snapshot.t_ns)
-    line_ids = tuple(scene.markings[place].group for place in detections.lines.marking.tolist())
     conditions = _conditions(ego, scene)
+    reach = reach_at(config.region, ego.speed_mps, error_model.reach(sensor.law, conditions))
+    detections = limit(reach, observation, snapshot.t_ns)
+    line_ids = tuple(scene.markings[place].group for place in detections.lines.marking.tolist())
     errors, lines = error_model.apply(
         sensor.law, state.errors, sensor.draws, tick, conditions, line_ids, detections.lines
     )
@@ -143,8 +148,11 @@ def sense(
         lane_change=assignment.lane_change if is_known else 0,
         degraded=not is_known or bool(snapshot.stale),
     )
+    reports, estimate = error_model.report(
+        sensor.law, state.reports, sensor.draws, tick, conditions, estimate, reach.range_m
+    )
     lap("fit+track")
-    return SensorState(motion=body, errors=errors, tracks=tracks), Sensed(
+    return SensorState(motion=body, errors=errors, reports=reports, tracks=tracks), Sensed(
         observation=observation, detections=detections, estimate=estimate, camera_ego=moved
     )
 

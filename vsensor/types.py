@@ -258,6 +258,19 @@ class LinePoints:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Reach:
+    """How far a sensor reports at a speed: its operating range, and the points that it uses.
+
+    Points up to `points_m`, at or beyond `range_m`, count, but not those with x inside an interval of
+    `blind_m` (B, 2).
+    """
+
+    range_m: float
+    points_m: float
+    blind_m: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Observation:
     """What the optics let the sensor see.
 
@@ -283,7 +296,7 @@ class Detections:
     """What the real sensor would report as line points: operating range and errors applied.
 
     `exposed_at_ns` carries the latency. `lines`, `sigma_y_m`, `kind`, `colour`, `width_m` as in
-    Observation, fewer points. `operating_range_m` is the range limit at this speed.
+    Observation, fewer points. `operating_range_m` is the range limit of the points at this speed.
     """
 
     exposed_at_ns: int

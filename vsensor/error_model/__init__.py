@@ -6,7 +6,8 @@
 from vsensor.error_model.file import DEFAULT_FILE, SCHEMA, load_library, save_library
 from vsensor.error_model.law import ErrorLaw, ErrorModelConfig, compile_law, load_law
 from vsensor.error_model.model import ErrorLibrary, ErrorModel, library_of, model_of, normal_model
-from vsensor.error_model.process import ErrorState, apply, initial_state
+from vsensor.error_model.process import ErrorState, apply, initial_state, reach, report
+from vsensor.error_model.report import ReportState
 from vsensor.error_model.rule import Conditions, Rule
 
 __all__ = [
@@ -18,6 +19,7 @@ __all__ = [
     "ErrorModel",
     "ErrorModelConfig",
     "ErrorState",
+    "ReportState",
     "Rule",
     "apply",
     "compile_law",
@@ -27,5 +29,7 @@ __all__ = [
     "load_library",
     "model_of",
     "normal_model",
+    "reach",
+    "report",
     "save_library",
 ]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vsensor.types import Array, IntArray, frozen
+from vsensor.types import NANOSECONDS_PER_SECOND, Array, IntArray, Tick, frozen
 
 
 def stationary(step: Array) -> Array:
@@ -14,6 +14,12 @@ def stationary(step: Array) -> Array:
     share = np.linalg.lstsq(equations, np.append(np.zeros(size), 1.0), rcond=None)[0]
     share = np.maximum(share, 0.0)
     return frozen(share / share.sum())
+
+
+def steps_between(before: int, tick: Tick, period_s: float) -> int:
+    """Return how many steps of a chain with this period fall after tick `before`, up to `tick`."""
+    period_ns = max(round(period_s * NANOSECONDS_PER_SECOND), 1)
+    return tick.index * tick.period_ns // period_ns - before * tick.period_ns // period_ns
 
 
 def drawn(share: Array, uniform: Array) -> IntArray:

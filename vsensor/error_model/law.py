@@ -23,6 +23,8 @@ from scipy.special import ndtri
 from vsensor.error_model.chain import stationary
 from vsensor.error_model.file import DEFAULT_FILE, load_library
 from vsensor.error_model.model import ErrorLibrary, ErrorModel
+from vsensor.error_model.reach import Region
+from vsensor.error_model.report import ReportLaw
 from vsensor.error_model.rule import Conditions, Rule, pick
 from vsensor.error_model.shift import CHORD_M
 from vsensor.errors import ConfigError
@@ -39,7 +41,8 @@ class ErrorModelConfig(Config, frozen=True, kw_only=True):
     `file` is a model file, the shipped one where absent; a relative path is meant from the folder of
     the scenario. `level` (one of the file's) is for mode "extreme", `direction` for it and "levels": left
     and right as seen when driving, inward towards the vehicle, random one of left and right for a whole
-    drive. `scale` multiplies every error.
+    drive. `scale` multiplies every error. `losses`: in "volume" and "levels" lines are lost, end nearer and
+    have the quality as the file says, where it does; false: as the camera alone sees them.
     """
 
     mode: Literal["none", "extreme", "levels", "volume"] = "volume"
@@ -47,17 +50,19 @@ class ErrorModelConfig(Config, frozen=True, kw_only=True):
     level: Annotated[float, msgspec.Meta(gt=0.0, lt=1.0)] = 0.95
     direction: Literal["left", "right", "inward", "outward", "random"] = "left"
     scale: Annotated[float, msgspec.Meta(ge=0.0, le=20.0)] = 1.0
+    losses: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ModelLaw:
-    """One model: `table_m` (V, S, G) over `speed_mps` (V,), S knots and the range grid.
+    """One model: where it reports, and `table_m` (V, S, G) over `speed_mps` (V,), S knots and the range grid.
 
     Volume: `knots` (S,) are normal quantiles, `factor` (G, G) the Cholesky factor of the correlation along
     the range, which lasts `time_s`. Levels: `step` (L + 1, L + 1) after each `period_s`, `start` (L + 1,)
     the share of each in the long run.
     """
 
+    region: Region | None
     speed_mps: Array
     table_m: Array
     knots: Array
@@ -80,18 +85,22 @@ class ModelLaw:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ErrorLaw:
-    """A library compiled for one mode, on `grid_m` (G,) that all its models share."""
+    """A library compiled for one mode, on `grid_m` (G,) that all its models share.
+
+    `reports` is empty where no model says what is lost of a line.
+    """
 
     library: ErrorLibrary
     mode: str
     direction: str
     grid_m: Array
     models: Mapping[str, ModelLaw]
+    reports: Mapping[str, ReportLaw]
     rule: tuple[Rule, ...]
 
-    def at(self, conditions: Conditions) -> ModelLaw:
-        """Return the model that holds."""
-        return self.models[self.rule[0].model if len(self.rule) == 1 else pick(self.rule, conditions)]
+    def name_at(self, conditions: Conditions) -> str:
+        """Return the name of the model that holds."""
+        return self.rule[0].model if len(self.rule) == 1 else pick(self.rule, conditions)
 
 
 def load_law(config: ErrorModelConfig, folder: Path = Path()) -> ErrorLaw | None:
@@ -105,12 +114,15 @@ def load_law(config: ErrorModelConfig, folder: Path = Path()) -> ErrorLaw | None
 def compile_law(config: ErrorModelConfig, library: ErrorLibrary, where: str = "error model") -> ErrorLaw:
     """Lay the tables of the mode on a range grid fine enough for the correlation length."""
     grid = _grid(library.models.values())
+    is_lossy = config.losses and config.mode in ("levels", "volume")
+    reports = {name: ReportLaw.of(model) for name, model in library.models.items() if is_lossy}
     return ErrorLaw(
         library=library,
         mode=config.mode,
         direction=config.direction,
         grid_m=grid,
         models={name: _compiled(config, model, grid, where) for name, model in library.models.items()},
+        reports={} if all(report.is_empty for report in reports.values()) else reports,
         rule=library.rule,
     )
 
@@ -140,6 +152,7 @@ def _compiled(config: ErrorModelConfig, model: ErrorModel, grid_m: Array, where:
         factor = correlation_factor(grid_m, model.applied_length_m)
     step = level_step(model)
     return ModelLaw(
+        region=Region.of(model),
         speed_mps=model.speed_mps,
         table_m=frozen(config.scale * table_on(grid_m, model, surfaces)),
         knots=frozen(knots),
@@ -162,7 +175,8 @@ def _place(level: float, model: ErrorModel, where: str) -> int:
 def table_on(grid_m: Array, model: ErrorModel, surfaces_m: Array) -> Array:
     """Return surfaces (S, R, V) as a table (V, S, G); blind cells have the nearest cell's values."""
     if model.blind.any():
-        place = distance_transform_edt(model.blind, return_distances=False, return_indices=True)
+        steps = (1.0, 2.0)  # of two cells as near the one at the same speed
+        place = distance_transform_edt(model.blind, steps, return_distances=False, return_indices=True)
         surfaces_m = surfaces_m[:, place[0], place[1]]
     return np.array(
         [

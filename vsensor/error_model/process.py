@@ -15,11 +15,12 @@ from math import exp, sqrt
 import numpy as np
 
 from vsensor.draws import Draws, Stage
-from vsensor.error_model.chain import drawn, stepped
+from vsensor.error_model.chain import drawn, stepped, steps_between
 from vsensor.error_model.law import ErrorLaw, ModelLaw, quantile
+from vsensor.error_model.report import ReportState, advance, reported
 from vsensor.error_model.rule import Conditions
 from vsensor.error_model.shift import shift
-from vsensor.types import Array, LinePoints, Tick, frozen
+from vsensor.types import Array, LaneEstimate, LinePoints, Reach, Tick, frozen
 
 FORGET_AFTER = 5.0
 """Correlation times after which an unseen line is forgotten: exp(-5) = 0.7 % of it would be left."""
@@ -57,7 +58,7 @@ def apply(
     """
     if law is None:
         return state, lines
-    model = law.at(conditions)
+    model = law.models[law.name_at(conditions)]
     table = model.at_speed(conditions.speed_mps)
     if law.mode == "extreme":
         return state, shift(lines, law.grid_m, _signs(law.direction, draws, lines)[:, None] * table[0])
@@ -70,6 +71,31 @@ def apply(
         return state, shift(lines, law.grid_m, quantile(model.knots, table, process))
     level = np.minimum(process[:, 0].astype(int), len(table) - 1)
     return state, shift(lines, law.grid_m, _signs(law.direction, draws, lines)[:, None] * table[level])
+
+
+def reach(law: ErrorLaw | None, conditions: Conditions) -> Reach | None:
+    """Return how far the model that holds reports; None without one, or where its file does not say."""
+    if law is None:
+        return None
+    region = law.models[law.name_at(conditions)].region
+    return None if region is None else region.at(conditions.speed_mps)
+
+
+def report(
+    law: ErrorLaw | None,
+    state: ReportState | None,
+    draws: Draws,
+    tick: Tick,
+    conditions: Conditions,
+    estimate: LaneEstimate,
+    range_m: float,
+) -> tuple[ReportState | None, LaneEstimate]:
+    """Return what is left of the estimate after losses, range and quality of the model that holds."""
+    if law is None or not law.reports:
+        return state, estimate
+    name = law.name_at(conditions)
+    state = advance(law.reports, name, state, draws, tick)
+    return state, reported(law.reports[name], state, estimate, range_m)
 
 
 def _advance(
@@ -105,8 +131,7 @@ def _next_level(model: ModelLaw, old: Array | None, at: int, draws: Draws, tick:
     uniform = draws.at(Stage.ERROR_MODEL, tick.index, line).random(1)
     if old is None:
         return drawn(model.start, uniform).astype(np.float64)
-    period_ns = model.period_s * 1e9
-    steps = int(tick.index * tick.period_ns / period_ns) - int(at * tick.period_ns / period_ns)
+    steps = steps_between(at, tick, model.period_s)
     return stepped(model.step, old.astype(np.int64), steps, uniform).astype(np.float64)
 
 
