@@ -46,7 +46,7 @@ def run(line, ticks, state=None, first=0, drop=()):
     return state, found
 
 
-def coefficients(outputs):
+def reports(outputs):
     return [
         [(line.side, line.quality, line.x_max_m, *line.coefficients) for line in o.estimate.boundaries]
         for o in outputs
@@ -55,7 +55,6 @@ def coefficients(outputs):
 
 @pytest.mark.parametrize("mode", ["volume", "levels"])
 def test_a_run_goes_on_bit_identically_from_any_tick_and_over_dropped_slots(tmp_path, mode):
-    save_library(library_of(lossy_model(), "test"), tmp_path / "model.npz")
     section = {"error_model": {"file": str(tmp_path / "model.npz"), "mode": mode}}
     line = line_of(tmp_path, library_of(lossy_model(), "test"), **section)
     whole = run(line, 60)[1]
