@@ -19,7 +19,7 @@ REGION = {"region_speed_mps": np.array([5.0, 25.0]), "region_range_m": np.array(
 def blind_at(*cells):
     blind = np.zeros(STD_M.shape, bool)
     for range_m, speed_mps in cells:
-        blind[RANGE_M == range_m, GRID_MPS == speed_mps] = True
+        blind[range_m == RANGE_M, speed_mps == GRID_MPS] = True
     return blind
 
 
@@ -34,7 +34,7 @@ def kept_x(model, speed_mps, **config):
     ("speed_mps", "end_m"), [(0.0, 30), (5.0, 30), (15.0, 60), (40.0, 90), (math.nan, 30)]
 )
 def test_points_beyond_the_models_operating_range_are_dropped(speed_mps, end_m):
-    np.testing.assert_array_equal(kept_x(flat_model(**REGION), speed_mps), X_M[X_M <= end_m])
+    np.testing.assert_array_equal(kept_x(flat_model(**REGION), speed_mps), X_M[end_m >= X_M])
 
 
 def test_a_table_in_the_scenario_is_the_whole_region_whatever_the_model_says():
