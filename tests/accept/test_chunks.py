@@ -1,6 +1,7 @@
 """However a stream is cut into chunks, and whether it is a log or a bus, the same is found."""
 
 import random
+from itertools import repeat
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -72,6 +73,19 @@ def test_the_chunks_make_no_difference(faults, seed, largest):
     dice = random.Random(seed)
     sizes = iter(lambda: dice.randint(1, largest), None)
     assert in_chunks(frames, sizes) == verdict(frames)
+
+
+def test_a_late_frame_soon_after_a_lost_one_is_not_missing_in_another_chunk():
+    at = {8 * 13 + 3: lost, 12 * 13 + 3: delayed(30)}
+    frames = []
+    for place, frame in enumerate(stream(60)):
+        frames += at[place](frame) if place in at else [frame]
+    frames.sort(key=lambda frame: frame.due_ns)
+    judged = in_chunks(frames, repeat(13))
+    assert {f.kind: f.count for f in judged.findings if f.kind in ("missing", "late")} == {
+        "missing": 1,
+        "late": 1,
+    }
 
 
 class FakeBus:

@@ -167,3 +167,9 @@ def test_a_delayed_frame_may_arrive_between_the_slots_of_an_image(tmp_path):
     running = Running(number=0, fault=replace(fault), from_ns=0, until_ns=None)
     _, frames = transmit_image(transmitter, initial_state(transmitter), values(), slot(0), [running])
     assert [frame.due_ns // 1_000_000 for frame in frames] == [10, 13, 20, 30]
+
+
+def test_a_signal_of_a_page_that_is_never_sent_cannot_be_spoiled(tmp_path):
+    profile = profile_of(tmp_path, LINES, PAGES.format(mux="rotate"))
+    with pytest.raises(ConfigError, match=r"signal = M\.Rest: is in no frame that is sent"):
+        fault_of({"kind": "signal_stuck", "signal": "Rest"}, profile)
