@@ -30,7 +30,7 @@ ORDER = """
     / run
     / overlay
     / session replay
-    / pitfalls
+    / pitfalls profile_new
     / check
     / field
     / video

@@ -118,7 +118,7 @@ def results(folder):
     return found
 
 
-OFFERED = ("run", "check", "decode", "convert", "log", "score", "accept", "sweep", "replay")
+OFFERED = ("run", "check", "decode", "convert", "log", "score", "accept", "sweep", "replay", "profile")
 VSENSOR = [command for command in commands() if command.startswith("vsensor ")]
 MAKE = [command for command in commands() if command.startswith("make ")]
 VCAN = [command for command in commands() if command.startswith("tools/vcan ")]
@@ -312,9 +312,9 @@ def test_the_commands_table_has_every_command_of_the_program(capsys):
 
 def test_every_option_that_readme_names_is_one_of_the_program(capsys):
     offered = {"--seconds"}
-    for command in OFFERED:
+    for command in [*((one,) for one in OFFERED), ("profile", "new")]:
         with pytest.raises(SystemExit):
-            main([command, "--help"])
+            main([*command, "--help"])
         offered |= set(re.findall(r"--[a-z]+", capsys.readouterr().out))
     assert set(re.findall(r"(?<![\w-])--[a-z]+", README)) <= offered
 

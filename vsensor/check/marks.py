@@ -2,16 +2,16 @@
 
 from pathlib import Path
 
-MARK = "#?"
+from vsensor.profile_new import MARK, is_marked
 
 
 def open_marks(path: Path) -> list[str]:
-    """Return a line for each marked place of a profile file that is still open."""
+    """Return a line for each marked place of a profile file that is still open; `#?` in quotes marks none."""
     lines = path.read_text(encoding="utf-8").splitlines()
     return [
         f"{path.name} line {number}: open, see `{MARK}`: {_shown(line)}"
         for number, line in enumerate(lines, start=1)
-        if MARK in line
+        if is_marked(line)
     ]
 
 

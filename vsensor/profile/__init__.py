@@ -1,11 +1,13 @@
 """Profiles: which model quantity each signal of a bus carries, both ways."""
 
+from vsensor.profile.bind import hint
 from vsensor.profile.binding import Binding, Part, Validity
 from vsensor.profile.bursts import NOTHING_OPEN, Assembly, Burst, FrameKey, Image, left_over
 from vsensor.profile.columns import Column
 from vsensor.profile.compiled import Profile
 from vsensor.profile.config import GeometryConfig, ProfileConfig
 from vsensor.profile.load import SCHEMA, load_profile, load_profiles, load_worded, shipped_profiles
+from vsensor.profile.messages import compile_profile
 from vsensor.profile.pages import Page
 from vsensor.profile.plan import MessagePlan
 from vsensor.profile.quantisation import quantisation_error_m
@@ -34,6 +36,8 @@ __all__ = [
     "Quantity",
     "Validity",
     "Wiper",
+    "compile_profile",
+    "hint",
     "left_over",
     "load_profile",
     "load_profiles",
