@@ -11,6 +11,7 @@ where it is expected, so a line that comes back to itself (a loop, a roundabout)
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ STEPS = 12
 """Each is a step of Newton's method along the line; 2 to 4 are needed, then all have arrived."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Polyline:
     """A reference line in driving direction: vertices (K,), K >= 2, about evenly spaced.
 
@@ -34,11 +35,16 @@ class Polyline:
     gap: BoolArray
     lane: IntArray
 
-    @property
+    @cached_property
+    def pieces(self) -> tuple[Array, Array, Array]:
+        """The pieces' components and the squares of their lengths, each (K - 1,)."""
+        dx, dy = np.diff(self.x_m), np.diff(self.y_m)
+        return dx, dy, np.maximum(dx * dx + dy * dy, 1e-18)
+
+    @cached_property
     def spacing_m(self) -> float:
         """The mean length of a piece."""
-        length = float(np.hypot(np.diff(self.x_m), np.diff(self.y_m)).sum())
-        return max(length / (len(self.x_m) - 1), 1e-9)
+        return float(np.sqrt(self.pieces[2]).mean())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -49,39 +55,63 @@ class Feet:
     place: Array
 
 
-def feet(line: Polyline, x_m: Array, y_m: Array, place: Array, reach: Array | float) -> Feet:
-    """Return the feet of points (N,), looked for at most `reach` pieces from the `place` (N,) expected."""
-    last = len(line.x_m) - 2
-    expected = np.nan_to_num(place, nan=-1.0)
-    low = np.clip(np.floor(expected - reach), 0, last).astype(np.int64)
-    high = np.clip(np.floor(expected + reach), 0, last).astype(np.int64)
-    dx, dy = np.diff(line.x_m), np.diff(line.y_m)
-    square = np.maximum(dx * dx + dy * dy, 1e-18)
-    piece = np.clip(np.floor(expected), low, high).astype(np.int64)
-    for _ in range(STEPS):
-        along = (x_m - line.x_m[piece]) * dx[piece] + (y_m - line.y_m[piece]) * dy[piece]
-        step = np.floor(along / square[piece])
-        moved = np.clip(piece + np.clip(step, -1e6, 1e6), low, high).astype(np.int64)
-        if np.array_equal(moved, piece):
-            break
-        piece = moved
-    best = np.full(len(x_m), np.inf)
+def feet(line: Polyline, x_m: Array, y_m: Array, place: Array, reach: Array) -> Feet:
+    """Return the feet of points (N,), looked for at most `reach` (N,) pieces from the `place` (N,) expected.
+
+    A point or place that is NaN has none.
+    """
     error, found = np.full(len(x_m), np.nan), np.full(len(x_m), np.nan)
-    for beside in (0, -1, 1):  # around a vertex the foot may be on either side
-        k = np.clip(piece + beside, low, high)
-        east, north = x_m - line.x_m[k], y_m - line.y_m[k]
-        part = (east * dx[k] + north * dy[k]) / square[k]
+    known = np.flatnonzero(np.isfinite(x_m + y_m + place))
+    expected, last = place[known], len(line.x_m) - 2
+    low = np.clip(np.floor(expected - reach[known]), 0, last).astype(np.int64)
+    high = np.clip(np.floor(expected + reach[known]), 0, last).astype(np.int64)
+    pieces = _Pieces(line, x_m[known], y_m[known], low, high)
+    nearest = pieces.newton(np.clip(np.floor(expected), low, high).astype(np.int64))
+    error[known], found[known] = pieces.best_around(nearest)
+    return Feet(error_m=error, place=found)
+
+
+class _Pieces:
+    """The pieces of a line, and points (N,) each of which may have its foot on those from `low` to `high`."""
+
+    def __init__(self, line: Polyline, x_m: Array, y_m: Array, low: IntArray, high: IntArray) -> None:
+        self._line, self._x, self._y, self._low, self._high = line, x_m, y_m, low, high
+        self._dx, self._dy, self._square = line.pieces
+
+    def newton(self, piece: IntArray) -> IntArray:
+        """Return the pieces on which the points stand about upright, from those expected on."""
+        line = self._line
+        for _ in range(STEPS):
+            along = (self._x - line.x_m[piece]) * self._dx[piece] + (self._y - line.y_m[piece]) * self._dy[
+                piece
+            ]
+            step = np.clip(np.floor(along / self._square[piece]), -1e6, 1e6).astype(np.int64)
+            if not step.any():
+                break
+            piece = np.clip(piece + step, self._low, self._high)
+        return piece
+
+    def best_around(self, piece: IntArray) -> tuple[Array, Array]:
+        """Return error and place of the nearest of three pieces: around a vertex it may be on either side."""
+        error, found, best = self._foot_on(piece)
+        for beside in (-1, 1):
+            one, place, apart = self._foot_on(np.clip(piece + beside, self._low, self._high))
+            better = apart < best
+            error, found = np.where(better, one, error), np.where(better, place, found)
+            best = np.where(better, apart, best)
+        return error, found
+
+    def _foot_on(self, k: IntArray) -> tuple[Array, Array, Array]:
+        """Return error and place, NaN for a foot beyond the last piece in reach, and the distance."""
+        dx, dy = self._dx[k], self._dy[k]
+        east, north = self._x - self._line.x_m[k], self._y - self._line.y_m[k]
+        part = (east * dx + north * dy) / self._square[k]
         inside = np.clip(part, 0.0, 1.0)
-        east, north = east - inside * dx[k], north - inside * dy[k]
+        east, north = east - inside * dx, north - inside * dy
         apart = np.hypot(east, north)
-        beyond = ((part < -1e-9) & (k == low)) | ((part > 1 + 1e-9) & (k == high))
-        better = apart < best
-        best = np.where(better, apart, best)
-        side = np.where(dx[k] * north - dy[k] * east < 0.0, -1.0, 1.0)
-        error = np.where(better, np.where(beyond, np.nan, side * apart), error)
-        found = np.where(better, np.where(beyond, np.nan, k + inside), found)
-    unknown = np.isnan(place)
-    return Feet(error_m=np.where(unknown, np.nan, error), place=np.where(unknown, np.nan, found))
+        beyond = ((part < -1e-9) & (k == self._low)) | ((part > 1 + 1e-9) & (k == self._high))
+        side = np.where(dx * north - dy * east < 0.0, -apart, apart)
+        return np.where(beyond, np.nan, side), np.where(beyond, np.nan, k + inside), apart
 
 
 def resampled_line(x_m: Array, y_m: Array, breaks: BoolArray, step_m: float) -> Polyline:

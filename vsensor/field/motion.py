@@ -1,31 +1,29 @@
 """The driven path of a log, and what is wrong with it: silences, clock jumps, coarse yaw rate."""
 
 from dataclasses import dataclass, replace
-from math import degrees, radians
+from math import degrees
 
 import numpy as np
 
 from vsensor.errors import LogError
 from vsensor.field.config import ScanLimits
 from vsensor.field.images import Images
+from vsensor.field.offset import Rates, offset_of
 from vsensor.logs import LogTable
 from vsensor.logs.decode import DecodedFrames
 from vsensor.profile import Profile
 from vsensor.sources.drive import LARGEST, SPEED, YAW_RATE
-from vsensor.types import NANOSECONDS_PER_SECOND, Array, BoolArray, IntArray, Side
+from vsensor.types import NANOSECONDS_PER_SECOND, Array, BoolArray, IntArray
 from vsensor.world.dead_reckoning import (
     DrivenPath,
     OffsetEstimate,
     common_times,
     integrated,
     resampled,
-    yaw_rate_offset,
 )
 
 BACK_NS = 50_000_000
 """Frames of several channels come out of order by less; a longer step back is a clock that was set."""
-STRAIGHT_PER_M = 1 / 1500
-STRAIGHT_S = 20.0
 SHARE_S = 1.0
 DITHERED_STEPS = 0.3
 """Noise of 0.3 steps makes the mean of a rounded signal right to 5 % of a step."""
@@ -87,10 +85,9 @@ def motion_of(
     if len(at_ns) < 2:
         raise LogError(f"{path}: {SPEED} and {YAW_RATE} have no time in common")
     speed = speed * limits.speed_factor
-    offset = _offset(rate_ns, rate, resampled(speed_ns, speed, rate_ns), images, limits)
-    driven = integrated(
-        at_ns, resampled(speed_ns, speed, at_ns), resampled(rate_ns, rate, at_ns) - offset.offset_radps
-    )
+    speed_at, rate_at = resampled(speed_ns, speed, at_ns), resampled(rate_ns, rate, at_ns)
+    offset = offset_of(Rates(t_ns=at_ns, speed_mps=speed_at, yaw_rate_radps=rate_at), images, limits)
+    driven = integrated(at_ns, speed_at, rate_at - offset.offset_radps)
     silent = np.concatenate([_silences(t, limits.silence_s) for t in (speed_ns, rate_ns)])
     notes = [
         f"yaw-rate offset {degrees(offset.offset_radps):+.4f} deg/s removed ({offset.method}, "
@@ -143,39 +140,6 @@ def _silences(t_ns: IntArray, longest_s: float) -> IntArray:
     return np.column_stack([t_ns[long], t_ns[long + 1]])
 
 
-def _offset(t_ns: IntArray, rate: Array, speed: Array, images: Images, limits: ScanLimits) -> OffsetEstimate:
-    """Return the yaw-rate offset: as given, from standstill, where the lines are straight, or while driving.
-
-    Where both lines are straight the yaw rate is that of their curvature, but for the offset.
-    """
-    if limits.yaw_rate_offset_degps != "auto":
-        seconds = int(t_ns[-1] - t_ns[0]) / NANOSECONDS_PER_SECOND
-        given = radians(limits.yaw_rate_offset_degps)
-        return OffsetEstimate(offset_radps=given, method="given", seconds=seconds)
-    plain = yaw_rate_offset(t_ns, rate, speed)
-    if plain.method == "standstill":
-        return plain
-    left, right = (images.lines[side] for side in (Side.LEFT, Side.RIGHT))
-    bend = left.coefficients[:, 2] + right.coefficients[:, 2]  # the mean of 2 c2
-    good = left.is_whole & right.is_whole & left.measured & right.measured
-    good &= np.abs(bend) < STRAIGHT_PER_M
-    good &= (images.t_ns > t_ns[0]) & (images.t_ns < t_ns[-1])
-    place = np.searchsorted(images.t_ns, t_ns)
-    beside = np.clip(place, 0, len(images.t_ns) - 1)
-    near = np.abs(images.t_ns[beside] - t_ns) < 100_000_000
-    used = near & good[beside] & (speed > MOVING_MPS)
-    step_s = np.gradient((t_ns - t_ns[0]) / NANOSECONDS_PER_SECOND)
-    seconds = float(step_s[used].sum())
-    if seconds < STRAIGHT_S:
-        return plain
-    rest = rate[used] - speed[used] * bend[beside][used]
-    return OffsetEstimate(
-        offset_radps=float(np.average(rest, weights=step_s[used])),
-        method="where the lines are straight",
-        seconds=seconds,
-    )
-
-
 def _coarse(t_ns: IntArray, rate: Array, speed: Array, profiles: list[Profile]) -> list[str]:
     """Say how coarse the yaw rate is, and what half a step costs where no noise dithers it."""
     step = _step(rate)
@@ -205,4 +169,4 @@ def _step(values: Array) -> float:
     levels = np.unique(np.round(values, 9))
     steps = np.diff(levels)
     steps = steps[steps > 1e-7]
-    return float(steps.min()) if len(steps) else 0.0
+    return float(steps[steps < 1.5 * steps.min()].mean()) if len(steps) else 0.0

@@ -112,7 +112,7 @@ class MapReference:
 
     def _along(self, x_m: Array, y_m: Array, expected_m: Array) -> Array:
         """Return the route's distance at points (K,) near where it is expected; linear between known ones."""
-        around = (PAGE_M + AHEAD_M + BEHIND_M) / ROUTE_STEP_M
+        around = np.full(len(x_m), (PAGE_M + AHEAD_M + BEHIND_M) / ROUTE_STEP_M)
         place = feet(self._middle, x_m, y_m, (expected_m % self._corridor.lap_m) / ROUTE_STEP_M, around).place
         known = np.flatnonzero(~np.isnan(place))
         return np.interp(np.arange(len(place)), known, place[known]) * ROUTE_STEP_M

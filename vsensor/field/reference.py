@@ -293,5 +293,5 @@ def need_poses(frames: DecodedFrames, t_ns: IntArray, silence_s: float, path: st
 
 def place_beside(line: Polyline, x_m: Array, y_m: Array, place: Array) -> tuple[Array, Array]:
     """Return offset (left of the vehicle positive) and place of a line beside poses (N,)."""
-    found = feet(line, x_m, y_m, place, BESIDE_M / line.spacing_m)
+    found = feet(line, x_m, y_m, place, np.full(len(x_m), BESIDE_M / line.spacing_m))
     return -found.error_m, found.place

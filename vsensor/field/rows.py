@@ -13,12 +13,14 @@ from vsensor.field.motion import Motion
 from vsensor.field.reference import Reference
 from vsensor.field.table import Rows
 from vsensor.types import NANOSECONDS_PER_SECOND, Array, BoolArray, CodeArray, IntArray, Side
+from vsensor.world.dead_reckoning import DrivenPath
 
 CHUNK = 2048
 """Images at a time: with two sides and 50 ranges 0.2 million rows, arrays of 1.6 MB."""
 WIDTH_LIMITS_M = (1.0, 10.0)
 MEAN_S = 0.4
 """Yaw rate is the turn over this time: a coarse signal's steps, and the body's sway, average out."""
+COURSE_M = 0.5
 BEND_M = 5.0
 """The path's curvature at a range is its turn from this far before to as far behind."""
 REACH_M = 10.0
@@ -28,12 +30,14 @@ REACH_SHARE = 0.35
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Work:
-    """All that rows are made of; `codes`: side -> why its images (N,) are masked."""
+    """All that rows are made of; `codes`: side -> why its images (N,) are masked; `width_m` (N,) of lane."""
 
     images: Images
     motion: Motion
     reference: Reference
     codes: Mapping[Side, CodeArray]
+    course: "Course"
+    width_m: Array
     ranges_m: Array
     beyond_range: bool = False
 
@@ -127,7 +131,7 @@ def _columns(work: Work, sides: Sequence[Side], blocks: Sequence[Block], start: 
         "x_max_m": spread(np.where(reported & np.isfinite(x_max), x_max, np.nan), (0, 1)),
         "quality": spread(of_lines("quality"), (0, 1)),
         "measured": spread(of_lines("measured"), (0, 1)),
-        "lane_width_m": spread(lane_width_m(images)[part], (0,)),
+        "lane_width_m": spread(work.width_m[part], (0,)),
     }
 
 
@@ -135,39 +139,62 @@ _OF_IMAGE = ("speed_mps", "acceleration_mps2", "yaw_rate_radps")
 
 
 def _vehicle(work: Work, start: int, stop: int) -> dict[str, Array]:
-    """Return what the vehicle does at the images (M,), and when it comes to the ranges (M, R)."""
-    path, t_ns = work.motion.path, work.images.t_ns[start:stop]
-    unknown = ~work.motion.covers(t_ns)
-    here = path.poses(t_ns)
+    """Return what the vehicle does at the images (M,), and where it comes to the ranges (M, R)."""
+    t_ns = work.images.t_ns[start:stop]
+    here = work.motion.path.poses(t_ns)
     ahead = here.s_m[:, None] + work.ranges_m
-    first, last = np.searchsorted(path.s_m, (here.s_m.min(), ahead.max() + BEND_M))
-    part = slice(max(int(first) - 1, 0), int(last) + 2)
-    since_s = (path.t_ns - path.t_ns[0]) / NANOSECONDS_PER_SECOND
-    when_s = np.interp(ahead, path.s_m[part], since_s[part], right=np.nan)
-    turn = np.interp(ahead + BEND_M, path.s_m, path.yaw_rad) - np.interp(
-        ahead - BEND_M, path.s_m, path.yaw_rad
-    )
-    beyond = ahead + BEND_M > path.s_m[-1]
     found = {
         "speed_mps": here.speed_mps,
         "acceleration_mps2": here.acceleration_mps2,
         "yaw_rate_radps": yaw_rate_radps(work, t_ns),
-        "future": _yaw_rate(work, when_s),
-        "curvature": np.where(beyond, np.nan, turn / (2 * BEND_M)),
+        "future": work.course.at(work.course.yaw_rate_radps, ahead),
+        "curvature": work.course.at(work.course.curvature_per_m, ahead),
     }
+    unknown = ~work.motion.covers(t_ns)
     for values in found.values():
         values[unknown] = np.nan
     return found
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Course:
+    """What the vehicle does at distances along its path, every COURSE_M from 0 on (K,); NaN: not known."""
+
+    yaw_rate_radps: Array
+    curvature_per_m: Array
+
+    def at(self, values: Array, s_m: Array) -> Array:
+        """Return one of the two at distances of any shape, linear between those that are kept."""
+        place = s_m / COURSE_M
+        number = place.astype(np.int64)
+        low = np.minimum(number, len(values) - 2)
+        part = place - low
+        return np.where(
+            number > len(values) - 2, np.nan, values[low] + part * (values[low + 1] - values[low])
+        )
+
+
+def course_of(path: DrivenPath) -> Course:
+    """Return the course of a path."""
+    s = np.arange(0.0, max(float(path.s_m[-1]), 2 * COURSE_M), COURSE_M)
+    since_s = (path.t_ns - path.t_ns[0]) / NANOSECONDS_PER_SECOND
+    when_s = np.interp(s, path.s_m, since_s, right=np.nan)
+    turn = np.interp(s + BEND_M, path.s_m, path.yaw_rad) - np.interp(s - BEND_M, path.s_m, path.yaw_rad)
+    inside = (s >= BEND_M) & (s + BEND_M <= path.s_m[-1])
+    return Course(
+        yaw_rate_radps=_turn_rate(path, when_s),
+        curvature_per_m=np.where(inside, turn / (2 * BEND_M), np.nan),
+    )
+
+
 def yaw_rate_radps(work: Work, t_ns: IntArray) -> Array:
     """Return the yaw rate (M,) at times (M,): the turn over MEAN_S."""
-    return _yaw_rate(work, (t_ns - work.motion.path.t_ns[0]) / NANOSECONDS_PER_SECOND)
-
-
-def _yaw_rate(work: Work, at_s: Array) -> Array:
-    """Return the turn over MEAN_S per second at seconds after the path's start, any shape."""
     path = work.motion.path
+    return _turn_rate(path, (t_ns - path.t_ns[0]) / NANOSECONDS_PER_SECOND)
+
+
+def _turn_rate(path: DrivenPath, at_s: Array) -> Array:
+    """Return the turn over MEAN_S per second at seconds after the path's start (M,)."""
     since_s = (path.t_ns - path.t_ns[0]) / NANOSECONDS_PER_SECOND
     low = np.maximum(at_s - MEAN_S / 2, 0.0)
     high = np.minimum(at_s + MEAN_S / 2, since_s[-1])

@@ -17,7 +17,7 @@ from vsensor.field.masks import begins_of, image_masks, resets_of, slow_images
 from vsensor.field.motion import Motion, motion_of, with_steady_clock
 from vsensor.field.on_map import MapReference
 from vsensor.field.reference import FileReference, PathReference, Poses, Reference, need_poses, poses_in_log
-from vsensor.field.rows import Work, lane_width_m, rows_of
+from vsensor.field.rows import Work, course_of, lane_width_m, rows_of
 from vsensor.field.table import MASKS, Info, Rows, write_table
 from vsensor.logs import read_log
 from vsensor.logs.decode import DecodedFrames, decode_frames
@@ -120,6 +120,8 @@ def _work(
         motion=motion,
         reference=_reference(log, log_id, options, limits, frames, images, motion, ~resets & ~slow),
         codes={side: image_masks(images, side, resets, slow, limits) for side in images.lines},
+        course=course_of(motion.path),
+        width_m=lane_width_m(images),
         ranges_m=options.ranges(),
         beyond_range=options.beyond_range,
     )
@@ -176,7 +178,7 @@ def _info(
         "metres": float(work.motion.path.s_m[-1]),
         "images_lost": images.lost,
         "values_dropped": work.motion.dropped,
-        "width_m": _quantiles(lane_width_m(images)),
+        "width_m": _quantiles(work.width_m),
         "sides": {SIDE_NAMES[side]: _side(images, side) for side in images.lines},
         "notes": list(notes),
     }

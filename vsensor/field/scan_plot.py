@@ -7,7 +7,7 @@ import numpy as np
 
 from vsensor.errors import MissingExtraError, TableError
 from vsensor.field.masks import CODE
-from vsensor.field.rows import Work, block_of, lane_width_m, yaw_rate_radps
+from vsensor.field.rows import Work, block_of, yaw_rate_radps
 from vsensor.field.table import Info, Masked
 from vsensor.logs.convert import Replacing
 from vsensor.types import SIDE_NAMES, Array, BoolArray, Side
@@ -29,7 +29,7 @@ def draw_log(path: Path, work: Work, info: Info) -> None:
         [["path", "path", "width"], ["path", "path", "range"], ["error_0", "error_1", "masked"]]
     )
     _path(panels["path"], work)
-    _over_time(panels["width"], work, lane_width_m(work.images), "lane width (m)")
+    _over_time(panels["width"], work, work.width_m, "lane width (m)")
     for side, line in work.images.lines.items():
         x_max = np.where(line.reported & np.isfinite(line.x_max_m), line.x_max_m, np.nan)
         _over_time(panels["range"], work, x_max, "view range (m)", side)

@@ -156,13 +156,15 @@ def write_table(path: Path, log: str, parts: Iterable[Rows], info: Info) -> int:
 
 def _frame(polars: Any, schema: Mapping[str, Any], log: str, part: Rows) -> Any:
     """Return rows as a DataFrame of the schema: NaN as null, codes of `masked` as words."""
-    words = np.array([str(mask) for mask in MASKS])
+    words = polars.Series([str(mask) for mask in MASKS], dtype=schema["masked"])
     columns = {}
     for name, kind in schema.items():
         if name == "log":
             continue
-        values = words[part[name]] if name == "masked" else part[name]
-        columns[name] = polars.Series(name, values, nan_to_null=True).cast(kind)
+        if name == "masked":
+            columns[name] = words[np.asarray(part[name], dtype=np.uint32)].alias(name)
+        else:
+            columns[name] = polars.Series(name, part[name], nan_to_null=True).cast(kind)
     frame = polars.DataFrame(columns)
     return frame.select(polars.lit(log).cast(schema["log"]).alias("log"), polars.all())
 

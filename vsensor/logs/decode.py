@@ -192,7 +192,10 @@ def _by_row(
     columns: dict[str, Column], used: Columns, kinds: IntArray, findings: tuple[str, ...]
 ) -> DecodedTable:
     """Put every quantity's values into the row of its burst; `kinds` (N,): see Profile.frame_kinds."""
-    rows = np.unique(np.concatenate([column.rows for column in columns.values()]))
+    has_values = np.zeros(len(used.t_ns), dtype=bool)
+    for column in columns.values():
+        has_values[column.rows] = True
+    rows = np.flatnonzero(has_values)
     starts = rows[_burst_starts(used.t_ns[rows], kinds[rows])]
     ordered = [name for name in QUANTITIES if name in columns]
     ordered += sorted(set(columns) - set(ordered))
