@@ -46,7 +46,19 @@ SOLE_IMPORTERS = {"embreex": "raycast", "cantools": "codec"}
 """Libraries that one module alone knows."""
 
 OPTIONAL = frozenset(
-    {"asammdf", "polars", "trimesh", "matplotlib", "cv2", "dash", "plotly", "viser", "distributed"}
+    {
+        "asammdf",
+        "polars",
+        "trimesh",
+        "matplotlib",
+        "cv2",
+        "dash",
+        "plotly",
+        "viser",
+        "distributed",
+        "lz4",
+        "zstandard",
+    }
 )
 """Libraries of the extras: imported inside the function that needs them."""
 

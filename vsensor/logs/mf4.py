@@ -75,10 +75,9 @@ def read_mf4(stream: BinaryIO, notes: Notes) -> Iterator[Columns]:
         notes.fault = "the file holds no CAN bus logging"
     yield from _merged([_chunks(table, start_ns, notes) for table in tables])
     for table in tables:
-        for data in (table.records, table.variable):
-            if data is not None and data.fault is not None:
-                table.faults.append(data.fault)
-        notes.fault = notes.fault or next(iter(table.faults), None)
+        parts = (table.records, table.variable)
+        damaged = [data.fault for data in parts if data is not None and data.fault is not None]
+        notes.fault = notes.fault or next(iter([*damaged, *table.faults]), None)
 
 
 def _tables(blocks: Blocks, notes: Notes) -> tuple[int, list[Table]]:

@@ -5,11 +5,12 @@ data    DT, SD: the bytes; DZ: packed; DL: a list of them, chained; HL: what is 
 """
 
 import struct
-import zlib
 from dataclasses import dataclass
 from typing import BinaryIO
 
 import numpy as np
+
+from vsensor.logs.mf4_unzip import UnzipError, unzip
 
 HEADER = struct.Struct("<4s4xQQ")
 ZIPPED = struct.Struct("<2sBxLQQ")
@@ -152,7 +153,7 @@ class Data:
         if self._unpacked[0] != segment.place:
             try:
                 self._unpacked = (segment.place, self._unzip(segment))
-            except (zlib.error, BrokenError) as error:
+            except UnzipError as error:
                 self.fault = f"the packed data at {segment.place} are damaged: {error}"
                 self._unpacked = (segment.place, b"")
         return self._unpacked[1]
@@ -160,14 +161,5 @@ class Data:
     def _unzip(self, segment: _Segment) -> bytes:
         self._blocks.stream.seek(segment.place + HEADER.size)
         _, method, columns, size, packed_size = ZIPPED.unpack(self._blocks.stream.read(ZIPPED.size))
-        if method > 1:
-            raise BrokenError(f"packing method {method} is not known")
         packed = self._blocks.stream.read(min(packed_size, self._blocks.size))
-        content = zlib.decompressobj().decompress(packed, max(size, 1))
-        if len(content) < size:
-            raise BrokenError(f"{len(content)} of {size} bytes")
-        if method == 1 and 1 < columns <= size:  # stored column by column, the last bytes as they are
-            rows = size // columns
-            table = np.frombuffer(content[: rows * columns], dtype=np.uint8).reshape(columns, rows)
-            content = table.T.tobytes() + content[rows * columns :]
-        return content
+        return unzip(packed, method, columns, size)
