@@ -1,11 +1,12 @@
 """When frames leave, on a simulated clock: deadlines, holding, steps, seeks, stages, recording."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 
 from tests.replay.playing import MS, play, player_of, write_log
-from vsensor.replay.player import REST_NS
+from vsensor.replay.player import BREATH_NS, BREATHLESS, REST_NS
 from vsensor.replay.reel import AHEAD, Cut
 from vsensor.replay.stages import Stage
 from vsensor.types import Frame
@@ -39,6 +40,21 @@ def test_frames_that_are_late_leave_at_once_and_in_order(tmp_path):
     assert bus.sent == [(0, 0), (20, 1), (40, 2), (60, 3)]
     assert report.timing.lateness.max_ns == 38 * MS
     assert report.duration_error_ns == 10 * MS
+
+
+def test_catching_up_gives_the_processor_away_after_every_128_late_frames(tmp_path):
+    player, bus = player_of(write_log(tmp_path / "a.log", [0.1 * k for k in range(1000)]), cost_ns=MS // 5)
+    play(player)
+    left_ms = [t_ms for t_ms, _ in bus.sent]
+    rests_ms = [after - before - 0.2 for before, after in pairwise(left_ms) if after - before > 0.21]
+    assert rests_ms == pytest.approx([BREATH_NS / MS] * (1000 // BREATHLESS))
+    assert bus.ids == list(range(1000))
+
+
+def test_who_keeps_up_never_pauses(tmp_path):
+    player, bus = player_of(write_log(tmp_path / "a.log", [k for k in range(1000)]), cost_ns=MS // 5)
+    play(player)
+    assert [t_ms for t_ms, _ in bus.sent] == list(range(1000))
 
 
 def test_a_pause_holds_the_next_frame_for_as_long_as_it_lasts(log):

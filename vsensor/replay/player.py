@@ -27,6 +27,9 @@ UNHEARD = 1000  # frames sent without listening, where there is no time at all
 RECORDED_AT_ONCE, UNRECORDED = 64, 4096
 IMAGE_FRAMES = 256  # that are looked at for the end of an image
 AT_ONCE = 16  # frames that were late are sent between two looks at the clock
+BREATHLESS, BREATH_NS = 128, 500_000
+"""After so many late frames without a wait the processor is given away for so long: a real-time process
+that catches up on the only one would starve who listens, and the kernel's delivery, which loses frames then."""
 
 
 class Sending(Protocol):
@@ -96,6 +99,7 @@ class Player:
         )
         self._to_record: deque[tuple[Frame, int]] = deque()
         self._unheard, self._heard_ns = 0, 0
+        self._breathless = 0
         self._pull_ns = self._listen_ns = self._record_ns = 0  # what they cost
         self._paused_ns: int | None = None
         self._position_ns, self._due_ns = reel.start_ns, 0
@@ -242,6 +246,7 @@ class Player:
             self.now_ns = self._clock.now_ns()
             self._note_cost(work, self.now_ns - before_ns)
         self.now_ns = self._clock.sleep_until_ns(until_ns)
+        self._breathless = 0
 
     def _work(self, left_ns: int) -> Callable[[], None] | None:
         """Return what is to be done and fits into `left_ns`."""
@@ -287,14 +292,23 @@ class Player:
         if not count:
             self._wake_until(last_ns)
             return
+        self._breathless += count
         if count == 1:
             self.report.late(last_ns - firsts[0][1])
+            self._breathe()
             return
         took_ns = self._clock.now_ns() - self.now_ns
         self.report.timing.burst.add(took_ns)
         for place, due_ns in firsts:  # each frame took its part of the time
             self.report.late(last_ns + took_ns * place // count - due_ns)
         self.now_ns += took_ns
+        self._breathe()
+
+    def _breathe(self) -> None:
+        """Give the processor away for a moment after a long run of late frames."""
+        if self._breathless >= BREATHLESS:
+            self._breathless = 0
+            self.now_ns = self._clock.sleep_until_ns(self.now_ns + BREATH_NS)
 
     def _send_piece(self) -> None:
         """Send what is left of the first piece without waiting; after the last, what stages have left."""
