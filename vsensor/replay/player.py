@@ -28,8 +28,8 @@ RECORDED_AT_ONCE, UNRECORDED = 64, 4096
 IMAGE_FRAMES = 256  # that are looked at for the end of an image
 AT_ONCE = 16  # frames that were late are sent between two looks at the clock
 BREATHLESS, BREATH_NS = 128, 500_000
-"""After so many late frames without a wait the processor is given away for so long: a real-time process
-that catches up on the only one would starve who listens, and the kernel's delivery, which loses frames then."""
+"""After so many late frames without a wait the processor is given away for so long: a real-time process that
+catches up on the only one would starve who listens, and the kernel, which then loses frames."""
 
 
 class Sending(Protocol):
