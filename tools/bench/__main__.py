@@ -7,12 +7,12 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from tools.bench import codec, drives, frontier, growth, loop, peers, pictures, reference, timing
+from tools.bench import codec, drives, frontier, growth, loop, peers, pictures, reference, replay, timing
 from tools.bench.measure import ROOT, machine
 from tools.bench.report import markdown
 
 SECTIONS = (
-    *("demo", "fast", "encoding", "decoding", "vcan", "loop", "timing"),
+    *("demo", "fast", "encoding", "decoding", "vcan", "loop", "timing", "replay"),
     *("reference", "frontier", "growth", "memory", "hard"),
 )
 
@@ -26,6 +26,7 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument(
         "--timing-seconds", type=float, default=10.0, help="length of each sender's turn in timing"
     )
+    parser.add_argument("--replay-seconds", type=float, default=60.0, help="length of the logs in replay")
     parser.add_argument(
         "--full",
         action="store_true",
@@ -49,6 +50,7 @@ def main(words: list[str] | None = None) -> int:
             "timing",
             lambda: timing.timing(arguments.timing_seconds, 10.0 if arguments.full else 0.0),
         ),
+        "replay": ("replay", lambda: replay.replay(arguments.replay_seconds)),
         "reference": ("reference", reference.against_p1),
         "frontier": ("frontier", frontier.frontier),
         "growth": ("growth", growth.growth),

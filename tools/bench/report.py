@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tools.bench import loop, report_timing
+from tools.bench import loop, report_replay, report_timing
 from tools.bench.tables import table
 
 Report = Mapping[str, Any]
@@ -19,7 +19,11 @@ def markdown(report: Report) -> str:
         f"numpy {machine['numpy']}; load average at the start {machine['load_average']:.1f}",
         _targets(report),
     ]
-    parts += [write(report[name]) for name, write in SECTIONS.items() if name in report]
+    parts += [
+        write(report[name])
+        for name, write in SECTIONS.items()
+        if name in report and "error" not in report[name]
+    ]
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
@@ -202,6 +206,7 @@ TARGETS = {
     "vcan": _vcan,
     "closed_loop": loop.targets,
     "timing": report_timing.timing,
+    "replay": report_replay.targets,
     "reference": _reference,
     "occlusion": _occlusion,
     "memory": _memory,
@@ -209,6 +214,7 @@ TARGETS = {
 SECTIONS = {
     "demo_tick": lambda demo: "## The demo tick\n\n" + _stages(demo["stages_p50_ms"]),
     "timing": report_timing.timing_page,
+    "replay": report_replay.page,
     "reference": _reference_page,
     "occlusion": lambda found: "## Occlusion in the reference scene\n\n" + _stages(found["parts_p50_ms"]),
     "frontier": _frontier_page,
