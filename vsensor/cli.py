@@ -89,6 +89,7 @@ Play a CAN log on its own times: onto one bus or several, a part of it, faster, 
   vsensor replay drive.mf4 --start 60 --stop 90 --speed 2 --exclude 0x320-0x32F
   vsensor replay drive.asc --dbc car.dbc --include ENGINE,0x123 --log played.blf
   vsensor replay drive.blf --bus socketcan:can0 --loop 0 --repair native --repair honda=honda.dbc
+  vsensor replay drive.blf --bus socketcan:can0 --from honda=honda.dbc --as hyundai=hyundai.dbc
 
 On a terminal: space holds and goes on, arrows 5 s back and ahead, s one frame, q ends.
 """
@@ -644,6 +645,7 @@ _REPEATED = ("map", "include", "exclude", "rename", "dbc", "profile", "repair")
 _SINGLE = (
     *("path", "bus", "speed", "fast", "start", "stop", "loops", "max_gap_s", "smooth", "rate_hz"),
     *("wait_for", "start_at", "skip_unsendable", "overlay", "log", "realtime", "keep_wrong"),
+    *("source", "target", "camera_x_m", "wheelbase_m"),
 )
 
 
@@ -685,6 +687,14 @@ def _add_replay(commands: "Commands") -> None:
         help="fresh counters, checksums, image indices and times on this profile's frames; repeatable",
     )
     option("--keep-wrong", action="store_true", help="frames that are wrong in the log stay so in --repair")
+    option(
+        "--from", dest="source", metavar="PROFILE[=DBC]", help="of the log's lane frames, which --as replaces"
+    )
+    option("--as", dest="target", metavar="PROFILE[=DBC]", help="send their lanes as this profile's frames")
+    option(
+        "--camera-x", type=float, dest="camera_x_m", metavar="M", help="camera ahead of the rear axle (1.9)"
+    )
+    option("--wheelbase", type=_positive, dest="wheelbase_m", metavar="M", help="for --as (2.8)")
     option("--wait-for", metavar="ID", help="begin when a frame 0x123 is heard on the bus")
     option("--start-at", metavar="TIME", help="begin at a wall clock time, ISO (UTC) or s since 1970")
     option("--skip-unsendable", action="store_true", help="leave out and count what its bus cannot carry")

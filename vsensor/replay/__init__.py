@@ -8,6 +8,7 @@ from vsensor.replay.repair import Repair
 from vsensor.replay.report import Report
 from vsensor.replay.session import replay_log
 from vsensor.replay.stages import Stage
+from vsensor.replay.translate import Translate
 
 __all__ = [
     "Cut",
@@ -18,6 +19,7 @@ __all__ = [
     "ReplayOptions",
     "Report",
     "Stage",
+    "Translate",
     "played",
     "replay_log",
     "survey",

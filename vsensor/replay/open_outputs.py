@@ -22,8 +22,12 @@ def open_outputs(
     chosen: Choice,
     stack: contextlib.ExitStack,
     overlay: Overlay | None = None,
+    *,
+    adds_fd: bool = False,
 ) -> Outputs:
     """Open the buses, closed with `stack`; raises BusError or ConfigError for what they cannot send.
+
+    `adds_fd`: CAN FD frames are sent that are not in the log.
 
     Judged by the beginning of the log; what comes later and cannot be sent is left out and counted.
     """
@@ -37,6 +41,8 @@ def open_outputs(
     if overlay is not None and overlay.synth.line.is_fd:
         name = next(name for name, number in head.channels.items() if number == overlay.lay.channel)
         wants_fd.add(buses.get(name, rest or ""))
+    if adds_fd:
+        wants_fd |= {name for name in {*buses.values(), rest} if name}
     opened = {name: _open(name, name in wants_fd, options, stack) for name in {*buses.values(), rest} if name}
     return Outputs(
         head.channels,

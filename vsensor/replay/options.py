@@ -43,6 +43,10 @@ class ReplayOptions:
     realtime: bool = False
     repair: tuple[str, ...] = ()
     keep_wrong: bool = False
+    source: str | None = None
+    target: str | None = None
+    camera_x_m: float | None = None
+    wheelbase_m: float | None = None
 
 
 def speed_of(text: str) -> Fraction:

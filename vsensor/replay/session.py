@@ -10,9 +10,10 @@ from vsensor.clock import Clock, MonotonicClock, SimulatedClock, epoch_offset_ns
 from vsensor.codec import Database, load_database
 from vsensor.errors import ConfigError
 from vsensor.logs import LogWriter, open_log_writer
-from vsensor.profile import Profile, load_profiles, load_worded
+from vsensor.profile import Profile, load_profiles
 from vsensor.realtime import calm_collector, real_time_priority
 from vsensor.replay.beat import Beat, beat_of
+from vsensor.replay.changes import changes_of
 from vsensor.replay.choice import EXTENDED_KEY, Choice, Names, choice, key, keys_of
 from vsensor.replay.keys import HELP
 from vsensor.replay.open_outputs import open_outputs
@@ -21,7 +22,6 @@ from vsensor.replay.outputs import Outputs
 from vsensor.replay.overlay import Sendable, open_overlay
 from vsensor.replay.player import REST_NS, Player, played
 from vsensor.replay.reel import PIECE, Cut, Reel, Survey, survey
-from vsensor.replay.repair import Repair
 from vsensor.replay.report import Report
 from vsensor.replay.smooth import measured_cycles
 from vsensor.replay.stages import Stage
@@ -53,17 +53,17 @@ def replay_log(
     """
     _require_sense(options)
     databases = _databases(options)
-    profiles = _repaired(options)
-    databases += [load_database(profile.database) for profile in profiles]
-    stages = (*stages, *_stages(options, profiles))
+    changes = changes_of(options)
+    databases += [load_database(profile.database) for profile in changes.profiles]
+    stages = (*stages, *changes.stages)
     head = survey(options.path, options.rate_hz)
     chosen = choice(options.include, options.exclude, options.rename, _names(databases))
     with contextlib.ExitStack() as stack:
         cut = _cut(options, head, databases)
         overlay = open_overlay(options, head, cut, say, stack)
         if overlay is None:
-            cut = replace(cut, beat=_beat(profiles, head, chosen))
-        outputs = open_outputs(options, head, chosen, stack, overlay)
+            cut = replace(cut, beat=_beat(changes.profiles, head, chosen))
+        outputs = open_outputs(options, head, chosen, stack, overlay, adds_fd=changes.adds_fd)
         sendable = outputs.sendable if overlay is None else overlay.without_camera(outputs.sendable)
         reel = _reel(options, head, chosen, cut, sendable)
         clock = _clock(options)
@@ -89,21 +89,6 @@ def replay_log(
     for stage, state in zip(stages, player.states, strict=True):
         report.notes += stage.told(state) if stage.told is not None else ()
     return report
-
-
-def _repaired(options: ReplayOptions) -> list[Profile]:
-    if options.keep_wrong and not options.repair:
-        raise ConfigError("--keep-wrong: says something of --repair, which is not given")
-    spare = options.dbc[0] if len(options.dbc) == 1 else None
-    return [load_worded(text, spare) for text in options.repair]
-
-
-def _stages(options: ReplayOptions, profiles: Sequence[Profile]) -> list[Stage]:
-    """Return the changes of frames that the options ask for."""
-    if not profiles:
-        return []
-    speed = 1.0 if options.fast else float(speed_of(options.speed))
-    return [Repair(profiles, speed=speed, keep_wrong=options.keep_wrong).stage()]
 
 
 def _beat(profiles: Sequence[Profile], head: Survey, chosen: Choice) -> Beat | None:
