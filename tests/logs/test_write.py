@@ -175,3 +175,13 @@ def test_a_full_disk_is_a_log_error(tmp_path):
     writer.write(Frame(due_ns=T0, arbitration_id=1, data=b""))
     with pytest.raises(LogError, match=r"full\.log: cannot be written: .*No space left"):
         writer.close()
+
+
+def test_an_mf4_log_cut_off_in_its_first_block_says_so(tmp_path):
+    noise = np.random.default_rng(5).integers(0, 256, (9000, 8), dtype=np.uint8)
+    records = [Record(k * 10**6, 1, 0, 0, data.tobytes()) for k, data in enumerate(noise)]
+    write_log(tmp_path / "x.mf4", table_from("x", columns_from(records), Notes(channels={"1": 0})))
+    content = (tmp_path / "x.mf4").read_bytes()
+    (tmp_path / "x.mf4").write_bytes(content[:20_000])
+    with pytest.raises(LogError, match="the file ends before the block"):
+        read_log(tmp_path / "x.mf4")

@@ -138,7 +138,7 @@ def _group(blocks: Blocks, group: Block, unfinished: int) -> list[Table]:
         table.count = there if unfinished & 3 or id_bytes else min(count, there)
         if there < count and records.fault is None and not unfinished & 3:
             table.faults.append(f"{there} of {count} records of {prefix} are there")
-        tables += [table] if table.count else []
+        tables += [table] if table.count or records.fault is not None else []
     return tables
 
 

@@ -31,6 +31,7 @@ def open_outputs(
 
     Judged by the beginning of the log; what comes later and cannot be sent is left out and counted.
     """
+    _require_chosen(options, head, chosen)
     buses = mapping(options.map)
     rest = options.bus if options.bus or buses or options.fast else "auto"
     columns = head.columns.taken(chosen.mask(head.columns, head.channels))
@@ -50,6 +51,16 @@ def open_outputs(
         rest=opened[rest][0] if rest else None,
         fd=frozenset(bus.name for bus, is_fd in opened.values() if is_fd),
     )
+
+
+def _require_chosen(options: ReplayOptions, head: Survey, chosen: Choice) -> None:
+    """Refuse a channel that is chosen and that a log, seen whole, has not: it would play all, or nothing."""
+    include = chosen.include.channels if chosen.include is not None else frozenset[str]()
+    for option, names in (("--include", include), ("--exclude", chosen.exclude.channels)):
+        unknown = sorted(names - head.channels.keys())
+        if unknown and len(head.columns.t_ns) < SURVEY:
+            has = f"{options.path} has the channels {', '.join(head.channels)}"
+            raise ConfigError(f"{option} channel:{unknown[0]}: no such channel; {has}")
 
 
 def _require_channels(

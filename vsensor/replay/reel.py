@@ -117,6 +117,7 @@ class Reel:
         self._path, self._choice, self._size = path, choice, piece
         self._pace, self._cut = pace or Pace(), cut or Cut()
         self._sendable = sendable
+        self._first_ns = head.start_ns
         self.start_ns = head.start_ns if self._cut.start_ns is None else self._cut.start_ns
         self.seam_ns = seam_of(head.m_ns)
         self.fault: str | None = None  # why reading ended before the log did
@@ -237,7 +238,7 @@ class Reel:
         )
         last = None if rest is None else self._timed(*rest)
         if not self.chosen:
-            raise LogError(self.fault or f"{self._path}: {NOTHING}")
+            raise LogError(self.fault or f"{self._path}: {NOTHING}{self._span()}")
         self._loop += 1
         if is_last:
             self.ended = True
@@ -249,6 +250,12 @@ class Reel:
         )
         self._begin(self.start_ns)
         return last
+
+    def _span(self) -> str:
+        """Return where the log's frames are, for who asked for others."""
+        if self._cut.start_ns is None and self._cut.stop_ns is None:
+            return ""
+        return f"; its frames were looked at from 0 to {(self._order.last_ns - self._first_ns) / 1e9:.3f} s"
 
     def _garbage(self) -> list[str]:
         notes = self._notes
