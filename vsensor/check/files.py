@@ -11,6 +11,7 @@ import numpy as np
 from vsensor import motion
 from vsensor.camera import Camera
 from vsensor.check.busload import DEFAULT_SPEED, BusSpeed
+from vsensor.check.errors import error_findings, error_lines
 from vsensor.check.profile import profile_findings, profile_lines
 from vsensor.clock import SimulatedClock
 from vsensor.codec import Database, audit, load_database
@@ -109,8 +110,9 @@ def _check_scenario(scenario: Scenario, profile: str | None, dbc: Path | None, b
     line = build_line(scenario)
     uneven = line.uneven(scenario.config.cycle_ms * 1_000_000)
     findings = [*line.source.findings, *uneven, *profile_findings(line.profile, bus)]
-    findings += pitfalls(scenario, line)
+    findings += [*pitfalls(scenario, line), *error_findings(scenario, line)]
     head = [f"scenario {scenario.name}: source {scenario.source}", *line.source.notes]
+    head += error_lines(scenario, line.sensor.law)
     head += [f"fault planned: {fault.text()}" for fault in line.timeline]
     return _report(head, findings, [*_model_lines(scenario, line), *profile_lines(line.profile, bus)])
 
