@@ -181,7 +181,7 @@ def on_cluster(
 
     Raises ConfigError if no scheduler answers at `address`, MissingExtraError without Dask.
     """
-    client, as_completed = _client(address)
+    client, as_completed = cluster_client(address)
     waiting = iter(list(todo.items()))
     attempt = Attempt(function)
     keys: dict[Any, str] = {}
@@ -213,7 +213,7 @@ def _arrived(future: Any, key: str, store: Store) -> Answer:
     return Answer(key=key, result=decoded(content), error=error)
 
 
-def _client(address: str) -> tuple[Any, Any]:
+def cluster_client(address: str) -> tuple[Any, Any]:
     """Return a client of the scheduler, and what waits for its futures."""
     try:
         from distributed import Client, as_completed

@@ -1,0 +1,156 @@
+"""A log's rows in chunks of columns, as every pass over a table takes them."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vsensor.error_model import Rule
+from vsensor.errors import TableError
+from vsensor.field.table import MASKS, LogFile, Masked, need_polars
+from vsensor.field.tune.conditions import codes, deciding
+from vsensor.types import NANOSECONDS_PER_SECOND
+
+CHUNK = 1 << 19
+"""Rows at a time: two of the table's row groups, some 20 MB of columns."""
+SIDES = 4
+KNOWN_MASKS = [
+    MASKS.index(mask) for mask in (Masked.USED, Masked.NO_LINE, Masked.BEYOND_RANGE, Masked.REFERENCE_GAP)
+]
+"""Reasons that leave the report itself worth learning from: whether, how far, how well."""
+Progress = Callable[[int], None]
+"""Told how many rows were read."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rows:
+    """Rows (N,) that have an error and are used, in the table's order; `group` is the condition's place.
+
+    `more` are further columns that were asked for, NaN where unknown.
+    """
+
+    t_ns: np.ndarray
+    side: np.ndarray
+    range_m: np.ndarray
+    error_m: np.ndarray
+    speed_mps: np.ndarray
+    group: np.ndarray
+    more: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Images:
+    """Images of one log and all its sides (N,), by side and time.
+
+    `x_max_m` is NaN where the line is not reported; `known` is False where it is masked for another
+    reason: what happened there must not be learned.
+    """
+
+    t_ns: np.ndarray
+    side: np.ndarray
+    speed_mps: np.ndarray
+    x_max_m: np.ndarray
+    quality: np.ndarray
+    known: np.ndarray
+    group: np.ndarray
+
+    @property
+    def reported(self) -> np.ndarray:
+        """Whether the line is reported (N,)."""
+        return np.asarray(~np.isnan(self.x_max_m))
+
+
+@dataclass(slots=True)
+class _ImageRows:
+    """Gathers the first row of every image and side, over the borders of chunks."""
+
+    last: tuple[int, int] = (-(2**62), -1)
+    parts: list[dict[str, np.ndarray]] = field(default_factory=list)
+
+    def add(self, columns: dict[str, np.ndarray]) -> None:
+        t_ns, side = columns["t_ns"], columns["side"]
+        first = np.ones(len(t_ns), bool)
+        first[1:] = (t_ns[1:] != t_ns[:-1]) | (side[1:] != side[:-1])
+        first[0] = (int(t_ns[0]), int(side[0])) != self.last
+        self.last = int(t_ns[-1]), int(side[-1])
+        self.parts.append({name: values[first] for name, values in columns.items()})
+
+    def images(self) -> Images:
+        columns = {name: np.concatenate([part[name] for part in self.parts]) for name in self.parts[0]}
+        order = np.lexsort((columns["t_ns"], columns["side"]))
+        return Images(**{name: values[order] for name, values in columns.items()})
+
+
+_IMAGE_COLUMNS = ("masked", "x_max_m", "quality")
+_ROW_COLUMNS = ("t_ns", "side", "range_m", "error_m", "speed_mps", "masked")
+
+
+def read_log(
+    file: LogFile,
+    rule: Sequence[Rule] = (),
+    progress: Progress | None = None,
+    *,
+    images: bool = False,
+    more: Sequence[str] = (),
+) -> Iterator[Rows | Images]:
+    """Yield a log's used rows in runs, and after them its images if asked for; `group` by the rule.
+
+    Raises TableError naming a file that has changed or cannot be read.
+    """
+    asked = (*deciding(rule), *more)
+    names = list(dict.fromkeys((*_ROW_COLUMNS, *(_IMAGE_COLUMNS if images else ()), *asked)))
+    gathered = _ImageRows()
+    for frame in _frames(file.path, names):
+        columns = {name: frame[name].to_numpy() for name in names if name not in ("masked", *asked)}
+        reasons = frame["masked"].to_physical().to_numpy()
+        extra = {name: frame[name].cast(need_polars().Float32).to_numpy() for name in asked}
+        columns = extra | columns
+        group = codes(rule, extra, len(frame)) if rule else np.zeros(len(frame), np.int32)
+        if images:
+            gathered.add(_image_columns(columns, reasons, group))
+        used = (reasons == 0) & np.isfinite(columns["error_m"]) & np.isfinite(columns["speed_mps"])
+        kept = slice(None) if used.all() else used
+        yield Rows(
+            **{name: columns[name][kept] for name in _ROW_COLUMNS[:-1]},
+            group=group[kept],
+            more={name: columns[name][kept] for name in more},
+        )
+        if progress is not None:
+            progress(len(frame))
+    if images and gathered.parts:
+        yield gathered.images()
+
+
+def _image_columns(
+    columns: dict[str, np.ndarray], reasons: np.ndarray, group: np.ndarray
+) -> dict[str, np.ndarray]:
+    is_reported = np.isfinite(columns["range_m"])
+    return {
+        "t_ns": columns["t_ns"],
+        "side": columns["side"],
+        "speed_mps": columns["speed_mps"],
+        "x_max_m": np.where(is_reported, columns["x_max_m"], np.float32(np.nan)),
+        "quality": columns["quality"],
+        "known": np.isin(reasons, KNOWN_MASKS),
+        "group": group,
+    }
+
+
+def _frames(path: Path, names: list[str]) -> Iterator[Any]:
+    polars = need_polars()
+    try:
+        lazy = polars.scan_parquet(path)
+        rows = lazy.select(polars.len()).collect().item()
+        for start in range(0, rows, CHUNK):
+            yield lazy.slice(start, CHUNK).select(names).collect()
+    except (OSError, polars.exceptions.PolarsError) as error:
+        raise TableError(f"{path}: cannot be read: {' '.join(str(error).split())}") from None
+
+
+def period_ns(t_ns: np.ndarray) -> int:
+    """Return the usual time between images of one side (N,) rising; 0 where there is one image only."""
+    steps = np.diff(t_ns)
+    steps = steps[(steps > 0) & (steps < NANOSECONDS_PER_SECOND)]
+    return int(np.median(steps)) if len(steps) else 0

@@ -1,0 +1,78 @@
+"""One pass over all logs: here one after the other, or on a Dask cluster as a tree of sums."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+
+from vsensor.field.table import LogFile
+from vsensor.field.tune.reading import Progress
+
+S = TypeVar("S")
+TASKS_PER_WORKER = 2
+
+
+class Pass(Protocol[S]):
+    """What is done with every log: sums that start empty, and to which a log is added."""
+
+    def start(self) -> S:
+        """Return sums of nothing."""
+        ...
+
+    def add(self, sums: S, file: LogFile, progress: Progress | None = None) -> None:
+        """Add one log."""
+        ...
+
+
+Spread = Callable[[Pass[Any], Sequence[LogFile]], Any]
+"""Runs a pass over files and returns its sums."""
+
+
+def serial(progress: Progress | None = None) -> Spread:
+    """Return what runs a pass in this process."""
+
+    def run(work: Pass[Any], files: Sequence[LogFile]) -> Any:
+        return sums_of(work, files, progress)
+
+    return run
+
+
+def sums_of(work: Pass[S], files: Sequence[LogFile], progress: Progress | None = None) -> S:
+    """Return the sums over some logs."""
+    sums = work.start()
+    for file in files:
+        work.add(sums, file, progress)
+    return sums
+
+
+def merged(one: Any, other: Any) -> Any:
+    """Return the sum of two sums; the first may be changed."""
+    if isinstance(one, np.ndarray):
+        one = one if one.flags.writeable else one.copy()  # as it came from another process
+        one += other
+        return one
+    return one.merge(other)
+
+
+def on_cluster(client: Any) -> Spread:
+    """Return what runs a pass on a Dask cluster, whose machines must see the table under the same path."""
+
+    def run(work: Pass[Any], files: Sequence[LogFile]) -> Any:
+        workers = max(len(client.scheduler_info()["workers"]), 1)
+        tasks = min(len(files), TASKS_PER_WORKER * workers)
+        shared = client.scatter(work, broadcast=True)
+        parts = [client.submit(sums_of, shared, list(files[k::tasks]), pure=False) for k in range(tasks)]
+        while len(parts) > 1:
+            pairs = zip(parts[::2], parts[1::2], strict=False)
+            rest = parts[len(parts) - 1 :] if len(parts) % 2 else []
+            parts = [client.submit(merged_copy, a, b, pure=False) for a, b in pairs] + rest
+        return parts[0].result()
+
+    return run
+
+
+def merged_copy(one: Any, other: Any) -> Any:
+    """Return the sum of two sums, neither changed: a cluster may run a task twice."""
+    import copy
+
+    return merged(copy.deepcopy(one), other)
