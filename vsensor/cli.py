@@ -153,6 +153,20 @@ first: where a database has none, the profile is of what the sensor listens to (
 All keys of a profile: dbc/README.md, "Writing a profile".
 """
 
+TUNE_HELP = """\
+Learn an error model from tables that `vsensor scan` wrote: how large errors are over range and speed.
+
+  vsensor tune table --out model.npz
+  vsensor tune table more/table --by night,rain --out model.npz --plots pages
+  vsensor tune table --by curvature_per_m:0.001:0.004 --levels 0.5,0.95 --out model.npz
+
+Quantiles of the error with 95 % intervals (blocks of driving, for rows are correlated), a low-pass along
+speed, correlation in time and along the range, operating range, line loss, quality; for each condition of
+--by a model of its own. The law is that of the reported line: what is fed to the points is corrected until
+the fit gives it. Cells with too little driving are blind: the sensor reports nothing there. MODEL appears
+when it is whole.
+"""
+
 
 class _Parser(argparse.ArgumentParser):
     """Says what is wrong in one line."""
@@ -449,6 +463,37 @@ def profile_new(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def tune(arguments: argparse.Namespace) -> int:
+    """`vsensor tune`: an error model from tables of recorded drives."""
+    from vsensor.error_model import save_library
+    from vsensor.field.table import open_table
+    from vsensor.field.tune import TuneOptions, tune_table
+    from vsensor.field.tune.text import text_lines, write_plots
+    from vsensor.field.virtual import FitSetting
+
+    options = TuneOptions(
+        levels=arguments.levels or TuneOptions().levels,
+        by=arguments.by or "",
+        step_mps=arguments.speed_step,
+        order=arguments.order,
+        cutoff_s_per_m=arguments.cutoff,
+        region_level=arguments.region_level,
+        block_s=arguments.block,
+        least_seconds=arguments.least_seconds,
+        close_loop=not arguments.open_loop,
+        setting=FitSetting(seen_from_m=arguments.seen_from),
+        seed=arguments.seed or 0,
+        scheduler=arguments.scheduler,
+        progress=sys.stderr.isatty() and not arguments.quiet,
+    )
+    tuned = tune_table(open_table(arguments.tables), options)
+    save_library(tuned.library, arguments.out)
+    print("\n".join(text_lines(tuned)))
+    if arguments.plots is not None:
+        write_plots(arguments.plots, tuned)
+    return 0
+
+
 def _note(text: str) -> None:
     print(f"vsensor: {text}", file=sys.stderr)
 
@@ -473,6 +518,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_scan(commands)
     _add_table(commands)
     _add_profile(commands)
+    _add_tune(commands)
     return parser
 
 
@@ -747,6 +793,97 @@ def _add_table(commands: "Commands") -> None:
     added.add_argument(
         "tables", nargs="+", type=Path, metavar="TABLE", help="folders that vsensor scan wrote"
     )
+
+
+def _add_tune(commands: "Commands") -> None:
+    added = _command(commands, "tune", tune, TUNE_HELP)
+    option = added.add_argument
+    _tables(added)
+    option("--out", required=True, type=Path, metavar="MODEL", help="the error model: .npz")
+    option("--levels", type=_levels, metavar="P,P", help="of the surfaces (0.5,0.8,0.9,0.95,0.97,0.99)")
+    option(
+        "--by",
+        metavar="COLUMN,...",
+        help="a model for each: night, rain, or a column with edges: rain:0.2:0.6",
+    )
+    option("--speed-step", type=_positive, default=0.5, metavar="MPS", help="grid along speed (0.5 m/s)")
+    option(
+        "--order",
+        type=_even,
+        default=10,
+        metavar="N",
+        help="of the low-pass along speed, in steps; 0: none (10)",
+    )
+    option("--cutoff", type=_positive, default=0.2, metavar="S/M", help="of the low-pass (0.2 s/m)")
+    option(
+        "--region-level", type=_share, default=0.95, metavar="P", help="quantile of the reported range (0.95)"
+    )
+    option(
+        "--block",
+        type=_positive,
+        default=60.0,
+        metavar="S",
+        help="blocks that the intervals come from (60 s)",
+    )
+    option(
+        "--least-seconds",
+        type=_positive,
+        default=60.0,
+        metavar="S",
+        help="of driving, or a cell is blind (60)",
+    )
+    option("--open-loop", action="store_true", help="do not correct for the fit")
+    option(
+        "--seen-from", type=_metres, default=0.0, metavar="M", help="where the sensor's points begin (0 m)"
+    )
+    option("--plots", type=Path, metavar="DIR", help="pages of pictures")
+    option("--seed", type=_seed, metavar="N", help="of the draws that close the loop (0)")
+    option("--scheduler", metavar="ADDRESS", help="Dask scheduler; its workers must see the same table")
+    option("--quiet", action="store_true", help="no progress bar")
+
+
+def _tables(added: argparse.ArgumentParser) -> None:
+    added.add_argument(
+        "tables",
+        nargs="+",
+        type=Path,
+        metavar="TABLE",
+        help="folders that vsensor scan wrote, or files of them",
+    )
+
+
+def _levels(text: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(word) for word in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text}: expected levels such as 0.5,0.9,0.95") from None
+
+
+def _share(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < 1.0:
+        raise argparse.ArgumentTypeError(f"{text}: expected a share between 0 and 1")
+    return value
+
+
+def _even(text: str) -> int:
+    value = int(text) if text.isdecimal() else -1
+    if not 0 <= value <= 200 or value % 2:
+        raise argparse.ArgumentTypeError(f"{text}: expected an even number from 0 to 200")
+    return value
+
+
+def _metres(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 <= value <= 1000.0:
+        raise argparse.ArgumentTypeError(f"{text}: expected metres, 0 to 1000")
+    return value
 
 
 def _ranges(text: str) -> tuple[float, float, float]:

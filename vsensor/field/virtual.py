@@ -7,7 +7,6 @@
 On a straight line; its points every half metre up to the operating range.
 """
 
-import functools
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from math import exp, sqrt
@@ -16,51 +15,46 @@ import numpy as np
 
 from vsensor.error_model import ErrorLibrary, ErrorModel
 from vsensor.error_model.law import correlation_factor, quantile, range_grid, table_on
-from vsensor.lanefit import LaneFitConfig, fit
+from vsensor.error_model.reach import Region
+from vsensor.lanefit import LaneFitConfig, operator
+from vsensor.scene import SceneConfig
 from vsensor.types import Array
 
 POINT_STEP_M = 0.5
-UNLIMITED = 1e12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitSetting:
-    """How the sensor that will use a model fits: its configuration, and where its points begin."""
+    """How the sensor that will use a model fits: its configuration, and where its points begin and end."""
 
     config: LaneFitConfig = field(default_factory=LaneFitConfig)
     seen_from_m: float = 0.0
+    seen_to_m: float = SceneConfig().range_m
 
 
-def fit_matrix(setting: FitSetting, reach_m: float, grid_m: Array, range_m: Array) -> Array:
-    """Return (R, G): errors on `grid_m` of points up to `reach_m` ──► those of the polynomial at `range_m`.
+def fit_matrix(config: LaneFitConfig, x_m: Array, grid_m: Array, range_m: Array) -> Array:
+    """Return (R, G): errors on `grid_m` of points at `x_m` ──► those of the polynomial at `range_m`.
 
     Zero where the points are too few for a line.
     """
-    x, powers = _impulses(setting, round(reach_m, 1))
-    if not powers.size:
+    if len(x_m) < config.min_points:
         return np.zeros((len(range_m), len(grid_m)))
-    on_points = np.stack([np.interp(x, grid_m, unit) for unit in np.eye(len(grid_m))], axis=1)
+    on_points = np.stack([np.interp(x_m, grid_m, unit) for unit in np.eye(len(grid_m))], axis=1)
+    powers = operator(config, x_m)
     return np.asarray(np.vander(range_m, len(powers), increasing=True) @ powers @ on_points)
 
 
-@functools.lru_cache(maxsize=1024)
-def _impulses(setting: FitSetting, reach_m: float) -> tuple[Array, Array]:
-    """Return x (N,) of the points and the coefficients (K, N) of the fit to 1 m at each of them alone."""
-    count = int((reach_m - setting.seen_from_m) / POINT_STEP_M) + 1
-    x = np.asarray(setting.seen_from_m + POINT_STEP_M * np.arange(max(count, 0)), np.float64)
-    limits = ("max_offset_m", "max_slope", "max_curvature_per_m", "max_misfit_m", "max_std_at_ego_m")
-    free = replace_config(setting.config, **dict.fromkeys(limits, UNLIMITED))
-    lines = [fit(free, x, impulse, np.zeros(len(x))) for impulse in np.eye(len(x))]
-    if not lines or lines[0] is None:
-        return x, np.zeros((0, 0))
-    return x, np.stack([line.coefficients for line in lines if line is not None], axis=1)
-
-
-def replace_config(config: LaneFitConfig, **changes: float) -> LaneFitConfig:
-    """Return the configuration with some values changed."""
-    import msgspec
-
-    return msgspec.structs.replace(config, **changes)
+def points_at(model: ErrorModel, setting: FitSetting, speed_mps: float) -> Array:
+    """Return x (N,) of a line's points at a speed: up to the operating range, without what is blind."""
+    x = np.asarray(np.arange(setting.seen_from_m, setting.seen_to_m, POINT_STEP_M), np.float64)
+    region = Region.of(model)
+    if region is None:
+        return x
+    reach = region.at(speed_mps)
+    keep = x <= reach.points_m
+    for low, high in reach.blind_m.tolist():
+        keep &= (x < low) | (x > high)
+    return x[keep]
 
 
 def reach_of(model: ErrorModel, speed_mps: Array) -> Array:
@@ -89,14 +83,14 @@ class VirtualSensor:
         from scipy.special import ndtri
 
         grid = range_grid(model.range_m, model.applied_length_m)
-        reach = reach_of(model, model.speed_mps)
-        chosen = range(len(reach)) if columns is None else columns
+        chosen = range(len(model.speed_mps)) if columns is None else columns
+        points = {k: points_at(model, setting, float(model.speed_mps[k])) for k in chosen}
         return cls(
             model=model,
             grid_m=grid,
             knots=ndtri(model.signed_levels),
             tables_m=table_on(grid, model, model.applied_signed_m),
-            matrices={k: fit_matrix(setting, float(reach[k]), grid, model.range_m) for k in chosen},
+            matrices={k: fit_matrix(setting.config, x, grid, model.range_m) for k, x in points.items()},
             factor=correlation_factor(grid, model.applied_length_m),
         )
 

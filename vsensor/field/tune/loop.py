@@ -60,9 +60,7 @@ def close_loop(model: ErrorModel, setting: FitSetting, seed: int = 0) -> Closed:
         best = (trial, miss) if miss[1] < best[1][1] else best
         if turn < TURNS:
             trial = _corrected(model, trial, columns, found, _length(model, sensor, z, columns))
-    return Closed(
-        model=_with_time(best[0], setting, columns, white), missed_open=missed_open, missed=best[1]
-    )
+    return Closed(model=_with_time(best[0], setting, columns, white), missed_open=missed_open, missed=best[1])
 
 
 def _laws(sensor: VirtualSensor, z: Array, columns: np.ndarray) -> Array:
@@ -98,7 +96,7 @@ def _missed(model: ErrorModel, columns: np.ndarray, found: Array) -> tuple[float
     def width(law: Array) -> Array:
         flat = law.reshape(len(law), -1).T
         ends = np.array([np.interp(levels, model.signed_levels, one) for one in flat])
-        return (ends[:, 1] - ends[:, 0]).reshape(law.shape[1:])
+        return np.asarray(ends[:, 1] - ends[:, 0]).reshape(law.shape[1:])
 
     wanted = width(model.signed_m[:, :, columns])
     use = _compared(model, columns).T & (wanted > 0.0)
@@ -177,15 +175,22 @@ def _with_time(model: ErrorModel, setting: FitSetting, columns: np.ndarray, whit
     size = len(sensor.grid_m)
     one = white[:, :size] @ sensor.factor.T
     other = keep * one + np.sqrt(1.0 - keep**2) * (white[:, size : 2 * size] @ sensor.factor.T)
-    rho = []
-    for v in columns:
-        pair = [_scores(sensor.errors(z, np.full(len(z), model.speed_mps[v]))) for z in (one, other)]
+    more = []
+    for v in columns.tolist():
         use = _compared(model, np.array([v]))[0]
         if use.any():
-            products = (pair[0] * pair[1])[:, use].sum(axis=0)
-            rho.append(products / np.sqrt((pair[0] ** 2).sum(axis=0) * (pair[1] ** 2).sum(axis=0))[use])
-    found = float(np.clip(np.mean(np.concatenate(rho)), 0.2, 0.6)) if rho else float(keep)
+            pair = [
+                _scores(sensor.errors(z, np.full(len(z), model.speed_mps[v])))[:, use] for z in (one, other)
+            ]
+            drawn = [_scores(sensor.points(z, v))[:, use] for z in (one, other)]
+            more.append(_rho(*pair) - _rho(*drawn))  # the same chance in both
+    found = float(np.clip(keep + np.mean(np.concatenate(more)), 0.2, 0.6)) if more else float(keep)
     longer = float(np.log(found) / np.log(keep))
     return with_applied(
         model, model.applied_signed_m, model.applied_length_m, model.correlation_time_s * longer
     )
+
+
+def _rho(one: Array, other: Array) -> Array:
+    """Return the correlation (R,) of scores (N, R)."""
+    return np.asarray((one * other).sum(axis=0) / np.sqrt((one**2).sum(axis=0) * (other**2).sum(axis=0)))

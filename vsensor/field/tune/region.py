@@ -56,7 +56,7 @@ def _check_loss_spline(hats: sparse.csr_array, reach: Array, weight: Array, leve
     second = sparse.diags_array([1.0, -2.0, 1.0], offsets=[0, 1, 2], shape=(bends, knots))
     # unknowns: d at the knots, u+, u-, b+, b-;  hats d + u+ - u- = reach,  second d + b+ - b- = 0
     one, curve = sparse.eye_array(points), sparse.eye_array(bends)
-    equations = sparse.block_array([[hats, one, -one, None, None], [second, None, None, curve, -curve]])
+    parts: list[list[Any]] = [[hats, one, -one, None, None], [second, None, None, curve, -curve]]
     cost = np.concatenate(
         [
             np.zeros(knots),
@@ -67,7 +67,7 @@ def _check_loss_spline(hats: sparse.csr_array, reach: Array, weight: Array, leve
     )
     found = solve(
         cost,
-        A_eq=sparse.csc_array(equations),
+        A_eq=sparse.csc_array(sparse.block_array(parts)),
         b_eq=np.concatenate([reach, np.zeros(bends)]),
         bounds=[(None, None)] * knots + [(0.0, None)] * (2 * points + 2 * bends),
         method="highs",

@@ -38,7 +38,7 @@ from vsensor.field.virtual import FitSetting
 from vsensor.types import Array, frozen
 
 LEVELS = (0.5, 0.8, 0.9, 0.95, 0.97, 0.99)
-DWELL_LEVELS = np.concatenate([[0.0], np.linspace(0.02, 0.98, 49), [0.99, 0.995, 0.999]])
+DWELL_LEVELS = np.concatenate([[0.0], np.linspace(0.02, 0.98, 49), [0.99, 0.995, 0.9995]])
 SHARE_LEVELS = np.concatenate([[0.001, 0.005], np.linspace(0.01, 0.99, 50), [0.995, 0.999]])
 CORRELATED_ROWS = 30_000_000
 """About so many rows are looked at for correlation."""
@@ -340,9 +340,11 @@ def _dwells(work: _Work, place: int, *, seen: bool) -> Array:
 
 
 def _markov(steps: np.ndarray) -> Array:
-    """Return the Markov matrix of counted steps; a state that was never left stays."""
-    total = steps.sum(axis=1, keepdims=True)
-    return np.where(total > 0, steps / np.maximum(total, 1), np.eye(len(steps)))
+    """Return the Markov matrix of counted steps; a state that was never left has the shares of all states."""
+    left, entered = steps.sum(axis=1, keepdims=True), steps.sum(axis=0)
+    if not entered.any():
+        return np.zeros((0, 0))
+    return np.asarray(np.where(left > 0, steps / np.maximum(left, 1), entered / entered.sum()))
 
 
 def _library(work: _Work, tuned: list[Condition], logs: int) -> Tuned:
