@@ -1,17 +1,21 @@
 """Seams and seeks in the rhythm of the images: a strict receiver accepts what a player sends."""
 
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
 
 from tests.accept.streams import found
+from tests.ecu.building import found as ecu_found
+from tests.ecu.building import report_on
 from tests.ecu.streams import IDS, stream, write
 from tests.replay.playing import play, player_of
-from tests.replay.repairing import NATIVE, repair_of
+from tests.replay.repairing import NATIVE, later, repair_of
 from vsensor.replay.beat import beat_of
 from vsensor.replay.choice import choice, keys_of
 from vsensor.replay.reel import Cut, survey
+from vsensor.replay.timeline import Pace
 
 MS = 1_000_000
 START_NS = stream(1)[0].due_ns
@@ -104,3 +108,20 @@ def test_a_message_that_is_sent_under_another_id_has_its_rhythm(tmp_path):
     one.seek(0.5)
     play(one)
     assert found(sent(bus)) == {}
+
+
+@pytest.mark.parametrize("speed", [1, 10])
+def test_the_reference_ecu_finds_nothing_over_seams_and_a_seek(log, tmp_path, speed):
+    pace = Pace(speed=Fraction(speed))
+    cut = Cut(beat=beat(log), loops=3, start_ns=START_NS + 7 * MS, stop_ns=START_NS + 950 * MS)
+    one, bus = player_of(log, stages=[repair_of(speed=float(speed))], cut=cut, pace=pace)
+    play(one, until_ms=501.5 / speed)
+    one.seek(0.313)
+    play(one)
+    assert ecu_found(report_on(later(sent(bus), START_NS / MS), tmp_path)) == {}
+
+
+def test_the_reference_ecu_finds_the_same_log_looped_without_repair_wrong(log, tmp_path):
+    one, bus = player_of(log, cut=Cut(loops=3))
+    play(one)
+    assert ecu_found(report_on(later(sent(bus), START_NS / MS), tmp_path)) != {}
