@@ -158,7 +158,7 @@ COUNT = '16|2@1+ (1,0) [0|3] ""'
         ('Curvature : 16|12@1- (1E-06,0) [0|0] "m-1"', "", '"left.curvature_per_m"'),
         ('C2 : 16|12@1- (1E-06,0) [0|0] "1/m"', "", '"left.c2_per_m"'),
         (f"Quality : {COUNT}", "", '"left.quality", table'),
-        ('Quality : 16|8@1+ (1,0) [0|100] "%"', "", "factor = 25.0"),
+        ('Quality : 16|8@1+ (1,0) [0|100] "%"', "", "factor = 0.25"),
         (f"Type : {COUNT}", 'VAL_ 1 Type 1 "SOLID" 2 "DASHED" 3 "Undecided";', 'dashed = "DASHED"'),
         ('Width : 16|9@1+ (1,0) [0|9] "cm"', 'VAL_ 1 Width 511 "SNA" 510 "Fault";', "sna = 511, error = 510"),
         (f"FrameIdx : {COUNT}", "", '"image.index", wrap = true'),

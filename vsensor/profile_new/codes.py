@@ -5,6 +5,7 @@ from itertools import pairwise
 
 from vsensor.codec import SignalLayout
 from vsensor.profile import QUANTITIES
+from vsensor.profile_new.vocabulary import DASHED, SOLID
 from vsensor.profile_new.words import has, words_of
 
 Table = dict[str, int | str]
@@ -17,10 +18,10 @@ _STARTING = ("init*",)
 _NEGATIVE = ("no", "not", "none", "false", "off", "un*", "in*", "rejected*", "lost", "without", "inactive")
 _CODE_WORDS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "kind": {
-        "double_solid": ("solid", "continuous"),
-        "double_dashed": ("dashed", "dash", "broken", "dotted"),
-        "solid": ("solid", "continuous"),
-        "dashed": ("dashed", "dash", "broken", "dotted"),
+        "double_solid": SOLID,
+        "double_dashed": DASHED,
+        "solid": SOLID,
+        "dashed": DASHED,
         "botts_dots": ("bott*",),
         "curb": ("curb", "kerb"),
         "road_edge": ("edge", "barrier", "roadedge"),

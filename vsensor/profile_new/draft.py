@@ -6,8 +6,10 @@ from dataclasses import dataclass, field
 from vsensor.codec import Layout, SignalLayout
 from vsensor.profile import QUANTITIES
 from vsensor.profile_new.codes import YES_NO, named_raw, special_raws, table_of
+from vsensor.profile_new.protect import protection_of
 from vsensor.profile_new.rules import Guess, guess_of
 from vsensor.profile_new.units import contradicts, unit_said
+from vsensor.profile_new.vocabulary import SAYS_INVALID, SAYS_VALID
 from vsensor.profile_new.words import has, words_of
 
 
@@ -24,12 +26,13 @@ class Entry:
 
 @dataclass
 class Draft:
-    """One message: protection, and its signals in the database's order."""
+    """One message: protection, and its signals in the database's order; `seal`: a checksum over a burst."""
 
     layout: Layout
     entries: list[Entry]
-    e2e: dict[str, str] = field(default_factory=dict[str, str])
+    e2e: dict[str, object] = field(default_factory=dict[str, object])
     e2e_doubt: str = ""
+    seal: str = ""
 
     @property
     def guesses(self) -> list[Guess]:
@@ -82,7 +85,7 @@ def _carried(signal: SignalLayout, guess: Guess) -> tuple[dict[str, object], str
         said |= {"error": raw} if table and (raw := named_raw(signal, "error", "fault")) is not None else {}
         doubts += [doubt] * bool(doubt)
     elif what == "quality":
-        said["factor"] = 25.0 if signal.unit == "%" else (signal.raw_max // 4) * signal.scale
+        said["factor"] = 0.25 if signal.unit == "%" else (signal.raw_max // 4) * signal.scale
         doubts.append("a share, taken as 0 to 4 in even steps")
     else:
         said |= special_raws(signal)
@@ -130,35 +133,18 @@ def _validity(signal: SignalLayout, guess: Guess, others: list[str]) -> tuple[di
 def _good_raw(signal: SignalLayout) -> tuple[int, bool]:
     """Return the raw value that says valid, and whether the database says so."""
     for raw, name in signal.choices.items():
-        if has(words_of(name), "valid", "ok", "good") and not has(words_of(name), "not", "no"):
+        if has(words_of(name), *SAYS_VALID) and not has(words_of(name), *SAYS_INVALID, "no"):
             return int(raw), True
     if told := _POLARITY.search(signal.comment):
         says_good = told[2].lower() in ("valid", "ok")
         return int(told[1]) if says_good else 1 - int(told[1]), True
     own = words_of(signal.name)
-    negated = has(own, "invalid", "nok", "unavailable", "notvalid", "not")
-    return (0 if negated else 1), False
-
-
-_BY_WIDTH = {4: "nibble_sum", 8: "crc8_j1850", 16: "crc16_ccitt"}
+    return (0 if has(own, *SAYS_INVALID) else 1), False
 
 
 def _protect(draft: Draft) -> None:
-    """Guess the protection: as the database says, else by the width of the checksum."""
-    crc, counter = draft.signals("crc"), draft.signals("counter")
-    if not crc and not counter:
-        return
-    draft.e2e = {"crc": crc[0].name} if crc else {}
-    draft.e2e |= {"counter": counter[0].name} if counter else {}
-    if draft.layout.e2e_profile or not crc:
-        return
-    length, comment = crc[0].length, crc[0].comment
-    name = _BY_WIDTH.get(length)
-    if name == "crc16_ccitt" and draft.layout.is_fd and "0x1021" in comment:
-        name = "hyundai_canfd"
-    draft.e2e_doubt = "which checksum? `vsensor log` finds it in a recording; see Protection in the README"
-    if name is None:
-        del draft.e2e["crc"]
-        draft.e2e_doubt = f"which checksum of {length} bits is {crc[0].name}? give crc and profile"
-    else:
-        draft.e2e["profile"] = name
+    """Guess the protection; a checksum over a whole burst is none of the message."""
+    checksums = draft.signals("crc")
+    draft.seal = next((s.name for s in checksums if has(words_of(f"{s.name} {s.comment}"), "burst")), "")
+    alone = [signal for signal in checksums if signal.name != draft.seal]
+    draft.e2e, draft.e2e_doubt = protection_of(draft.layout, alone, draft.signals("counter"))

@@ -5,6 +5,8 @@ from collections.abc import Iterable, Sequence
 
 from vsensor.profile_new.draft import Draft, Entry
 
+_POLYNOMIAL = {"offset_m", "heading", "curvature_per_m", "c2_per_m"}
+
 Answer = tuple[str, str, str]
 """Key, value, and the question that stays open ("" = the database answers it)."""
 
@@ -20,11 +22,13 @@ def geometry_of(drafts: Sequence[Draft]) -> list[Answer]:
     text = " ".join([*(e.signal.comment for e in lateral), *(d.layout.comment for d in drafts)]).lower()
     answers = [_positive(text)]
     whats = {e.guess.what for e in entries if e.guess is not None}
+    if whats & _POLYNOMIAL:
+        answers.append(_origin(text))
     if "offset_m" in whats:
         offsets = " ".join(
             e.signal.comment for e in entries if e.guess and e.guess.what == "offset_m"
         ).lower()
-        answers += [_origin(text), _edge(offsets)]
+        answers.append(_edge(offsets))
     if "heading" in whats:
         answers.append(_heading([e for e in entries if e.guess and e.guess.what == "heading"]))
     if whats & {"curvature_per_m"}:

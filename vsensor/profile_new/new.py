@@ -3,6 +3,7 @@
 import os
 import tomllib
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from vsensor.codec import Database, excess_range, load_database
@@ -35,6 +36,7 @@ def new_profile(
     database = load_database(file)
     folder = Path.cwd() if out is None else out.absolute().parent
     drafts = _drafts(database, node)
+    _join_polynomials(drafts)
     role = role or _role_of(drafts)
     drafts = _chosen(drafts, role, str(database.path))
     relative = Path(os.path.relpath(file.absolute(), folder)).as_posix()
@@ -149,6 +151,26 @@ def _close(drafts: Sequence[Draft]) -> None:
     """Leave no question at what nobody has to listen to."""
     for entry in (entry for draft in drafts for entry in draft.entries if entry.said is None):
         entry.why_not, entry.doubt = entry.why_not or entry.doubt, ""
+
+
+def _join_polynomials(drafts: Sequence[Draft]) -> None:
+    """Take the distance to an inner edge as the offset of the line's polynomial where it has no other."""
+    entries = [e for d in drafts for e in d.entries if e.said and e.guess and e.guess.role == "quantity"]
+    told: dict[str, set[str]] = {}
+    for entry in entries:
+        if entry.guess is not None:
+            told.setdefault(entry.guess.line, set()).add(entry.guess.what)
+    for entry in entries:
+        guess = entry.guess
+        if guess is None or entry.said is None or guess.what != "lane_offset_m":
+            continue
+        if "offset_m" not in told[guess.line] and told[guess.line] & {
+            "heading",
+            "curvature_per_m",
+            "c2_per_m",
+        }:
+            entry.guess = replace(guess, what="offset_m")
+            entry.said["quantity"] = entry.guess.quantity
 
 
 def _open(entry: Entry, reason: str) -> None:

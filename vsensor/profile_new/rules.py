@@ -51,15 +51,27 @@ def guess_of(layout: Layout, signal: SignalLayout) -> Guess | None:
         return Guess(role="counter")
     shaped = bool(side_of(signal.name, frozenset())) and has(name, *known.SHAPE)
     in_lane = shaped or bool(LANE & {*name, *words_of(layout.name)})
-    if has(name, *known.VALID) and signal.length <= 2:
+    if signal.length <= 2 and (has(name, *known.VALID) or _tells_valid(name, signal, in_lane)):
         return _validity(layout, signal, in_lane)
     if what := _what(name, signal, in_lane):
         return _placed(what, layout, signal, "")
+    if in_lane and signal.length > 1 and known.names_kinds(signal.choices.values()):
+        return _placed("kind", layout, signal, "by its values")
     if len(comment) >= _LONG_COMMENT or has(name, *known.FOREIGN, *known.FOREIGN_TO_LINES):
         return None
     plain = tuple(w for w in comment if w not in ("c0", "c1", "c2", "c3"))  # formulas name them all
     what = _what(plain, signal, bool(LANE & set(comment)))
     return _placed(what, layout, signal, "by its comment alone") if what else None
+
+
+def _tells_valid(words: tuple[str, ...], signal: SignalLayout, in_lane: bool) -> bool:
+    """Return whether a bit's values are called valid and not, and it is named after that or a number."""
+    said = [words_of(name) for name in signal.choices.values()]
+    named = {word for name in said for word in name}
+    if has(named, *known.SAYS_VALID) and has(named, *known.SAYS_INVALID):
+        rest = tuple(w for w in words if w not in (*known.SAYS_VALID, *known.SAYS_INVALID))
+        return has(named, "valid", "ok", "good") or (in_lane and known.first_of(known.LANE, rest) != "")
+    return False
 
 
 def _is_counter(words: tuple[str, ...], signal: SignalLayout) -> bool:
@@ -142,7 +154,8 @@ def _placed(what: str, layout: Layout, signal: SignalLayout, doubt: str) -> Gues
 
 def _validity(layout: Layout, signal: SignalLayout, in_lane: bool) -> Guess:
     """Return what a validity bit is of: a quantity that its other words name, else a whole line, else ""."""
-    words = tuple(w for w in words_of(signal.name) if w not in known.VALID)
+    told = (*known.VALID, *known.SAYS_VALID, *known.SAYS_INVALID)
+    words = tuple(w for w in words_of(signal.name) if w not in told)
     what = first if (first := known.first_of(known.SENSOR, words)) else ""
     what = what or (known.first_of(known.LANE, words) if in_lane else known.first_of(known.EGO, words))
     if what in (*_ONE_BIT, "quality", "kind") or (not what and not in_lane):

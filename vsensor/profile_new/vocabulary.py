@@ -3,7 +3,9 @@
 "curv*" is every word that begins so. The first row that fits is taken, so what is more special stands first.
 """
 
-from vsensor.profile_new.words import has
+from collections.abc import Iterable
+
+from vsensor.profile_new.words import has, words_of
 
 Rules = tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...]
 
@@ -19,7 +21,9 @@ def _words(text: str) -> tuple[str, ...]:
 
 CRC = _words("crc* checksum chksum chks* cksum csum cks chk cs")
 COUNTER = _words("counter cnt cntr alive alv rolling roll msgcnt sequence")
-VALID = _words("valid vld validity invalid ok nok unavailable notvalid")
+VALID = _words("valid vld validity invalid ok nok unavailable notvalid inv")
+SAYS_VALID = _words("valid ok good available avail avl")
+SAYS_INVALID = _words("invalid nok unavailable notvalid notavailable inv not")
 SHAPE = _words("curv* crv* crvtr cvtr kappa order")
 """What no other thing than a line has, so that a side beside it is that of a line."""
 
@@ -36,7 +40,7 @@ IMAGE = _table(
     """
     image.timestamp_ms | timestamp stamp |
     image.index        | burst brst |
-    image.index        | image frame img | index idx id number num nr counter cnt
+    image.index        | image frame img | index idx id number num nr counter cnt ctr
     """
 )
 SENSOR = _table(
@@ -46,6 +50,7 @@ SENSOR = _table(
     lane.change             | change chg | lane ln
     sensor.state            | state status mode sta | sensor camera cam lds
     sensor.light            | light daylight illumination | ambient day daylight illumination night
+    sensor.light            | day | night
     sensor.rain             | rain |
     """
 )
@@ -97,6 +102,16 @@ MOTION = (
     ("ego.speed_mps", "m/s", _words("veh vehicle")),
 )
 """Quantity, kind of unit, one of these words: makers who name neither speed nor rate give the unit."""
+
+
+SOLID = _words("solid continuous")
+DASHED = _words("dashed dash broken dotted")
+
+
+def names_kinds(names: Iterable[str]) -> bool:
+    """Return whether values are called solid and dashed."""
+    told = [word for name in names for word in words_of(name)]
+    return has(told, *SOLID) and has(told, *DASHED)
 
 
 def first_of(rules: Rules, words: tuple[str, ...]) -> str:

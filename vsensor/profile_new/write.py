@@ -1,7 +1,7 @@
 """The draft as a TOML file with its open places marked."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from vsensor.profile_new.draft import Draft, Entry
 from vsensor.profile_new.geometry import Answer
@@ -65,11 +65,13 @@ def _message(draft: Draft, role: str, cycle_ms: float) -> list[str]:
         by_name = re.search(r"(\d+) ?ms", layout.name, re.IGNORECASE)
         guessed_ms, why = (int(by_name[1]), "by its name") if by_name else (cycle_ms, "not in the database")
         lines.append(f"cycle_ms = {guessed_ms:g}    {MARK} {why}")
+    if len({entry.signal.mux_ids for entry in draft.entries if entry.said and entry.signal.mux_signal}) > 1:
+        lines.append(f'mux = "together"    {MARK} all its frames at once; or "rotate", one after another')
     if draft.e2e or draft.e2e_doubt:
-        said = f"e2e = {toml_value(dict(draft.e2e))}" if draft.e2e else "# e2e ="
+        said = f"e2e = {toml_value(draft.e2e)}" if draft.e2e else "# e2e ="
         lines.append(said + (f"    {MARK} {unmarked(draft.e2e_doubt)}" if draft.e2e_doubt else ""))
     lines += ["", f"[messages.{toml_key(layout.name)}.signals]"]
-    protecting = {draft.e2e.get(key) for key in _FIELDS}
+    protecting = {draft.e2e.get(key) for key in _FIELDS} | {draft.seal}
     return [*lines, *(_signal(e) for e in draft.entries if e.signal.name not in protecting)]
 
 
@@ -97,16 +99,32 @@ def _burst_hint(drafts: Sequence[Draft]) -> list[str]:
     members = {name: signal for name, signal in ids.items() if signal}
     if len(members) < 2:
         return []
-    one = len(set(members.values())) == 1
-    ident = toml_value(next(iter(members.values())) if one else members)
-    return [
+    lines = [
         "",
         f"{MARK} These frames carry the number of their image. If the receiver uses an image only as a",
         "# whole, or one of them has a checksum over all, say so (README, Bursts); else delete this.",
         "# [bursts.image]",
         f"# messages = {toml_value(list(members))}",
-        f"# id = {ident}",
+        f"# id = {_one_or_each(members)}",
     ]
+    counters = {d.layout.name: str(d.e2e.get("counter", "")) for d in drafts if d.layout.name in members}
+    if all(counters.values()):
+        lines.append(f"# count = {_one_or_each(counters)}    # if all frames of an image have the same")
+    for draft in drafts:
+        if draft.seal:
+            lines += [
+                "# [bursts.image.checksum]",
+                f"# message = {toml_value(draft.layout.name)}",
+                f"# signal = {toml_value(draft.seal)}",
+                '# algorithm = "crc16_ccitt"    # which? and its data_id, or before and after',
+            ]
+    return lines
+
+
+def _one_or_each(names: Mapping[str, str]) -> str:
+    """Return a signal's name that all messages have, or that of each."""
+    one = len(set(names.values())) == 1
+    return toml_value(next(iter(names.values())) if one else dict(names))
 
 
 def _image_signal(draft: Draft) -> str:
