@@ -1,0 +1,70 @@
+"""A drive that never had a lane camera, on a real vcan: the ECU in C steers by it as if there had been one.
+
+A machine without time for a quarter of a second is no error of the frames: a timeout is then right.
+"""
+
+import time
+
+import pytest
+
+from tests.ecu.building import found
+from tests.shared import SHARED_DATA, needs_shared
+from tests.vcan.test_ecu import ecu, ended
+from vsensor.replay import ReplayOptions, replay_log
+
+pytestmark = [pytest.mark.vcan, pytest.mark.timeout(600)]
+
+LOG = SHARED_DATA / "can/rav4_drive.log"
+DBC = SHARED_DATA / "dbc/toyota_rav4_2017_pt_generated.dbc"
+SCENARIO = f"""schema = "vsensor.scenario/1"
+source = "{LOG}"
+[drive]
+profile = ["toyota_rav4"]
+dbc = "{DBC}"
+"""
+SAID = {"sensor_not_ready", "left_not_available", "right_not_available"}
+"""At its start, and where the scene is another one; no errors of frames."""
+PRESSED_S = (0.5, 1.2)
+
+
+def keys():
+    """Return what types the right arrow at PRESSED_S after it was asked first: two seeks of 5 s ahead."""
+    began, done = [], []
+
+    def typed():
+        now = time.monotonic()
+        began.append(now)
+        if len(done) < len(PRESSED_S) and now - began[0] > PRESSED_S[len(done)]:
+            done.append(now)
+            return ["right"]
+        return []
+
+    return typed
+
+
+@needs_shared
+@pytest.mark.parametrize(("speed", "stop"), [("1", "16"), ("10", "24")])
+def test_an_ecu_accepts_a_drive_that_had_no_camera_over_a_seam_and_seeks(tmp_path, speed, stop):
+    (tmp_path / "rav4.toml").write_text(SCENARIO)
+    options = ReplayOptions(
+        path=LOG,
+        bus="socketcan:vcan1",
+        overlay=str(tmp_path / "rav4.toml"),
+        repair=(f"toyota_rav4={DBC}", "native"),
+        speed=speed,
+        start="10",
+        stop=stop,
+        loops=2,
+    )
+    said = []
+    with ecu() as process:
+        report = replay_log(options, said.append, keys=keys())
+        judged = ended(process)
+    assert sum(text.startswith("playing at") for text in said) == len(PRESSED_S), said
+    assert (report.refused, report.reordered) == (0, 0)
+    assert judged["frames"] > 13 * 30
+    assert judged["frames_of_others"] > 1000
+    assert judged["images_steered_by"] >= judged["frames"] // 13 - 8
+    stood_still = report.timing.lateness.max_ns > 80_000_000
+    errors = {name: count for name, count in found(judged).items() if name not in SAID}
+    assert not errors or (stood_still and set(errors) == {"timeout"}), judged["log"]
