@@ -30,6 +30,7 @@ ORDER = """
     / run
     / overlay
     / session replay
+    / gateway
     / pitfalls profile_new
     / check
     / field

@@ -118,7 +118,9 @@ def results(folder):
     return found
 
 
-OFFERED = ("run", "check", "decode", "convert", "log", "score", "accept", "sweep", "replay", "profile")
+OFFERED = (
+    *("run", "check", "decode", "convert", "log", "score", "accept", "sweep", "replay", "gateway", "profile"),
+)
 VSENSOR = [command for command in commands() if command.startswith("vsensor ")]
 MAKE = [command for command in commands() if command.startswith("make ")]
 VCAN = [command for command in commands() if command.startswith("tools/vcan ")]

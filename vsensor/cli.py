@@ -94,6 +94,17 @@ Play a CAN log on its own times: onto one bus or several, a part of it, faster, 
 On a terminal: space holds and goes on, arrows 5 s back and ahead, s one frame, q ends.
 """
 
+GATEWAY_HELP = """\
+Pass a running car's or bench's frames from one bus to another, and replace its lane camera by the sensor.
+
+  vsensor gateway --in can0 --out can1 --overlay bench.toml
+  vsensor gateway --in socketcan:can0 --out pcan:PCAN_USBBUS1 --overlay bench.toml --both-ways
+
+The scenario drives on a map; with [ego] control = "motion", "pose" or "steering" the frames that are passed
+on (and those heard on --out) move its vehicle. Frames with the ids of its profile are not passed on. The
+summary has the latency from the receive time to after sending.
+"""
+
 SWEEP_HELP = """\
 Run a scenario over a grid of settings and seeds on all cores, and score every run against the truth.
 
@@ -494,6 +505,24 @@ def tune(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def gateway(arguments: argparse.Namespace) -> int:
+    """`vsensor gateway`: frames passed on, the camera's replaced."""
+    from vsensor.gateway import GatewayOptions, run_gateway
+
+    options = GatewayOptions(
+        near=arguments.near,
+        far=arguments.far,
+        overlay=arguments.overlay,
+        both_ways=arguments.both_ways,
+        duration_s=arguments.duration,
+        realtime=arguments.realtime,
+    )
+    with stop_signals() as stopped:
+        summary = run_gateway(options, _note, stopped)[1]
+        print("\n".join(summary))
+        return 130 if stopped() else 0
+
+
 def _note(text: str) -> None:
     print(f"vsensor: {text}", file=sys.stderr)
 
@@ -515,6 +544,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_accept(commands)
     _add_sweep(commands)
     _add_replay(commands)
+    _add_gateway(commands)
     _add_scan(commands)
     _add_table(commands)
     _add_profile(commands)
@@ -913,6 +943,18 @@ def _add_profile(commands: "Commands") -> None:
         help="send lanes, or listen to motion (what FILE seems to be of)",
     )
     new.add_argument("--force", action="store_true", help="write over a file that is there")
+
+
+def _add_gateway(commands: "Commands") -> None:
+    added = _command(commands, "gateway", gateway, GATEWAY_HELP)
+    option = added.add_argument
+    bus = "INTERFACE:CHANNEL, or a SocketCAN interface such as can0"
+    option("--in", dest="near", required=True, metavar="BUS", help=f"where car or bench are: {bus}")
+    option("--out", dest="far", required=True, metavar="BUS", help=f"where the ECU is: {bus}")
+    option("--overlay", required=True, metavar="SCENARIO", help="whose sensor replaces the camera")
+    option("--both-ways", action="store_true", help="pass what the ECU's side sends back to --in, too")
+    option("--duration", type=_positive, metavar="S", help="end after S seconds; without it Ctrl-C does")
+    option("--realtime", action="store_true", help="real-time priority and locked memory, where allowed")
 
 
 def _loops(text: str) -> int:

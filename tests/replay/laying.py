@@ -20,7 +20,7 @@ class Told:
     """A desk that keeps the wishes; image k is two frames of data k, the second due `after_ns` later."""
 
     def __init__(self, after_ns=0):
-        self.wishes, self.after_ns, self._made = {}, after_ns, []
+        self.wishes, self.after_ns, self.frames, self._made = {}, after_ns, len(CAMERA), []
 
     def ask(self, wish):
         assert wish.number == max(self.wishes, default=-1) + 1, "asked out of order"
@@ -28,7 +28,7 @@ class Told:
         due_ns, data = wish.number * PERIOD_NS, wish.number.to_bytes(2, "big")
         frames = tuple(
             Frame(due_ns=due_ns + k * self.after_ns, arbitration_id=number, data=data)
-            for k, number in enumerate(CAMERA)
+            for k, number in enumerate((CAMERA * self.frames)[: self.frames])
         )
         self._made.append(Made(wish.number, frames))
 

@@ -112,6 +112,10 @@ class FrameBus:
         }
         return [line for line, happened in lines.items() if happened]
 
+    def fileno(self) -> int:
+        """Return the descriptor that is readable when something has arrived, -1 if the interface has none."""
+        return self._port.fileno()
+
     def close(self) -> None:
         """Release the interface; closing twice does no harm."""
         self._port.close()

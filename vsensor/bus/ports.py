@@ -61,6 +61,10 @@ class Port(Protocol):
         """Do what can be done at once about a refusal; returns whether another attempt is worth it."""
         ...
 
+    def fileno(self) -> int:
+        """Return the descriptor that is readable when something has arrived, -1 if there is none."""
+        ...
+
     def close(self) -> None:
         """Release the interface; closing twice does no harm."""
         ...
@@ -93,6 +97,13 @@ class PythonCanPort:
     def mend(self, problem: Exception) -> bool:
         """Return False: adapters recover by themselves, or not at all."""
         return False
+
+    def fileno(self) -> int:
+        """Return python-can's, which some adapters and the virtual bus do not have."""
+        try:
+            return self._bus.fileno()
+        except (NotImplementedError, can.CanError, OSError):
+            return -1
 
     def close(self) -> None:
         """Shut the interface down."""

@@ -89,6 +89,10 @@ class SocketcanPort:
         self._use(bus)
         return True
 
+    def fileno(self) -> int:
+        """Return the socket's; another one after `mend`."""
+        return self._socket.fileno()
+
     def close(self) -> None:
         """Close the socket."""
         with contextlib.suppress(OSError):

@@ -50,14 +50,15 @@ class Here:
 
     def __init__(self, synth: Synth) -> None:
         self._synth = synth
-        self._before: dict[int, LineState] = {0: synth.initial()}
+        first = synth.initial()
+        self._before: dict[int, tuple[LineState, LineState]] = {0: (first, first)}  # if sent, if lost
         self._last = 0
         self._made: deque[Made] = deque()
 
     def ask(self, wish: Wish) -> None:
         """Compute an image."""
-        after, made = self._synth.compute(self._before[wish.number], wish)
-        self._before[wish.number + 1], self._last = after, wish.number + 1
+        sent, lost, made = self._synth.compute(self._before[wish.number][wish.is_lost], wish)
+        self._before[wish.number + 1], self._last = (sent, lost), wish.number + 1
         self._before.pop(wish.number - KEPT, None)
         self._made.append(made)
 
@@ -74,7 +75,7 @@ class Here:
 
     def remarks(self) -> tuple[str, ...]:
         """Say what the source says at its end."""
-        return self._synth.source.remarks(self._before[self._last].source)
+        return self._synth.source.remarks(self._before[self._last][0].source)
 
     def close(self) -> None:
         """Do nothing: nothing was taken."""

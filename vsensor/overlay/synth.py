@@ -13,7 +13,8 @@ class Wish(NamedTuple):
     """Image `number` of the sensor, wanted for the place `log_ns` of a log (0 where there is none).
 
     `is_cut`: the scene does not go on from the image before (a seek, a seam); `is_start`: it begins again.
-    `heard`: what came since the image before, times from slot 0 on.
+    `heard`: what came since the image before, times from slot 0 on. `is_lost`: the image before was made too
+    late and not sent, so alive counters do not count it.
     """
 
     number: int
@@ -21,6 +22,7 @@ class Wish(NamedTuple):
     is_cut: bool = False
     is_start: bool = False
     heard: tuple[Frame, ...] = ()
+    is_lost: bool = False
 
 
 class Made(NamedTuple):
@@ -61,24 +63,26 @@ class Synth:
         """Return the state before image 0."""
         return self.line.initial_state()
 
-    def compute(self, state: LineState, wish: Wish) -> tuple[LineState, Made]:
-        """Return the state after an image, and the image."""
+    def compute(self, state: LineState, wish: Wish) -> tuple[LineState, LineState, Made]:
+        """Return the state after an image, that if the image is not sent after all, and the image."""
         tick = Tick(index=wish.number, t_ns=wish.number * self.period_ns, period_ns=self.period_ns)
         state = replace(state, source=self.source.placed(state.source, wish))
         if wish.is_cut:
             state = elsewhere(state)
         computed = self.line.compute(state, tick, wish.heard)
         if computed is None:
-            return state, Made(wish.number, ())
+            return state, state, Made(wish.number, ())
         after = computed.state_if_sent
         steering = self.source.steering(after.source)
-        return after, Made(
+        is_steered = steering is not None
+        made = Made(
             wish.number,
             computed.output.frames,
-            computed.output.snapshot.ego,
-            0.0 if steering is None else steering,
-            steering is not None,
+            computed.output.snapshot.ego if is_steered else None,
+            steering or 0.0,
+            is_steered,
         )
+        return after, computed.state_if_dropped, made
 
 
 def elsewhere(state: LineState) -> LineState:

@@ -126,7 +126,7 @@ def _warn(synth: Synth, lay: Lay, options: ReplayOptions, say: Say) -> None:
     log_ns = int(state.source.log_ns) if hasattr(state.source, "log_ns") else 0
     for index in range(WARM_IMAGES):
         began_s = perf_counter()
-        state, _ = synth.compute(state, Wish(index, log_ns + index * lay.period_ns))
+        state, _, _ = synth.compute(state, Wish(index, log_ns + index * lay.period_ns))
         costs.append(perf_counter() - began_s)
     every_ms, takes_ms = float(lay.period_ns / lay.speed / 1_000_000), min(costs) * 1e3
     if takes_ms > every_ms:
