@@ -720,7 +720,7 @@ def _add_sweep(commands: "Commands") -> None:
 _REPEATED = ("map", "include", "exclude", "rename", "dbc", "profile", "repair")
 _SINGLE = (
     *("path", "bus", "speed", "fast", "start", "stop", "loops", "max_gap_s", "smooth", "rate_hz"),
-    *("wait_for", "start_at", "skip_unsendable", "overlay", "log", "realtime", "keep_wrong"),
+    *("wait_for", "start_at", "skip_unsendable", "overlay", "take_over", "log", "realtime", "keep_wrong"),
     *("source", "target", "camera_x_m", "wheelbase_m"),
 )
 
@@ -775,6 +775,7 @@ def _add_replay(commands: "Commands") -> None:
     option("--start-at", metavar="TIME", help="begin at a wall clock time, ISO (UTC) or s since 1970")
     option("--skip-unsendable", action="store_true", help="leave out and count what its bus cannot carry")
     option("--overlay", metavar="SCENARIO", help="lay this scenario's lane sensor over the log, in its place")
+    option("--take-over", metavar="TIME", help="from then on an ECU on the bus steers (with --overlay)")
     option("--log", type=Path, metavar="FILE", help="write what was sent: .log .asc .blf .mf4")
     option("--realtime", action="store_true", help="real-time priority and locked memory, where allowed")
     option("--quiet", action="store_true", help="no keys")

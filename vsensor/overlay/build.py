@@ -9,23 +9,29 @@ from vsensor.logs import LogTable
 from vsensor.overlay.following import Following, drive_keys
 from vsensor.overlay.on_map import OnMap
 from vsensor.overlay.synth import Placed, Synth
+from vsensor.overlay.taking_over import TakingOver
+from vsensor.profile import Profile
 from vsensor.sources import LOG_SUFFIXES
 from vsensor.sources.drive import RecordedDrive, drive_of
+from vsensor.sources.listening import Listener
 from vsensor.sources.live import LiveDrive
 from vsensor.sources.map_drive import MapDrive
 from vsensor.sources.profiles import profiles_of
+from vsensor.sources.steering import SteeringControl, steering_inputs
 from vsensor.world.laid_road import lay_road
+from vsensor.world.vehicle import SingleTrack
 
 Read = Callable[[frozenset[tuple[int, bool]]], LogTable]
 """Reads the frames of these messages (id, is 29-bit) and the first frame of the log that is played."""
 
 
-def synth_of(scenario: Scenario, read: Read | None = None) -> Synth:
+def synth_of(scenario: Scenario, read: Read | None = None, take_over_ns: int | None = None) -> Synth:
     """Compile the sensor of a scenario; `read` gives the frames of the log that it is laid over.
 
-    A scenario whose source is a log takes the played one instead: the road is laid along its path.
+    A scenario whose source is a log takes the played one instead: the road is laid along its path. From
+    `take_over_ns` of the log on an ECU steers its vehicle.
     """
-    source = _source(scenario, read)
+    source = _source(scenario, read, take_over_ns)
     line = build_line(scenario, source)
     return Synth(line=line, source=source, period_ns=scenario.config.cycle_ms * 1_000_000)
 
@@ -37,15 +43,25 @@ def camera_keys(line: Line) -> frozenset[tuple[int, bool]]:
 
 def heard_keys(synth: Synth) -> frozenset[tuple[int, bool]]:
     """Return (id, is 29-bit) of the messages that the source listens to."""
-    drive = synth.source.drive if isinstance(synth.source, OnMap) else None
-    if not isinstance(drive, LiveDrive):
+    source = synth.source.drive if isinstance(synth.source, OnMap) else synth.source
+    if not isinstance(source, LiveDrive | TakingOver):
         return frozenset()
-    layouts = [channel.plan.layout for channel in drive.listener.channels.values()]
+    layouts = [channel.plan.layout for channel in source.listener.channels.values()]
     return frozenset((layout.arbitration_id, layout.is_extended) for layout in layouts)
 
 
-def _source(scenario: Scenario, read: Read | None) -> Placed:
+def vehicle_profiles(scenario: Scenario) -> list[Profile]:
+    """Load the profiles through which a recorded drive is read."""
+    drive = scenario.config.drive
+    return profiles_of(drive.profile, drive.dbc, scenario.folder)
+
+
+def _source(scenario: Scenario, read: Read | None, take_over_ns: int | None) -> Placed:
     if scenario.source.suffix.lower() not in LOG_SUFFIXES:
+        if take_over_ns is not None:
+            raise ConfigError(
+                f"--take-over: {scenario.path or scenario.source}: a log as source was expected, not a map"
+            )
         on_map = build_source(scenario)
         assert isinstance(on_map, LiveDrive | MapDrive)
         return OnMap(on_map)
@@ -54,9 +70,20 @@ def _source(scenario: Scenario, read: Read | None) -> Placed:
             f"{scenario.path or scenario.source}: source = {scenario.config.source!r}: a map was expected, "
             "a road can be laid only along a log that is played"
         )
-    config = scenario.config
-    profiles = profiles_of(config.drive.profile, config.drive.dbc, scenario.folder)
+    config, profiles = scenario.config, vehicle_profiles(scenario)
     drive = drive_of(read(drive_keys(profiles)), profiles, config.drive)
     road = lay_road(config.road, drive.path, config.drive.offset_m)
     environment, reach_m = config.environment.environment(), config.scene.range_m
-    return Following(RecordedDrive(drive, road, environment, reach_m))
+    recorded = RecordedDrive(drive, road, environment, reach_m)
+    return Following(recorded) if take_over_ns is None else _taking_over(scenario, recorded, take_over_ns)
+
+
+def _taking_over(scenario: Scenario, recorded: RecordedDrive, take_over_ns: int) -> TakingOver:
+    config = scenario.config
+    steering, _, _, _ = steering_inputs(config.listen)
+    listener = Listener.load(config.listen, scenario.folder, (steering,))
+    listener.require((steering,), "--take-over")
+    vehicle = SingleTrack.of(config.dynamics, config.vehicle.wheelbase_m)
+    control = SteeringControl(config.listen, vehicle, config.dynamics.steering_ratio, lambda t_s: 0.0)
+    ratio = config.dynamics.steering_ratio
+    return TakingOver(recorded, take_over_ns, control, vehicle, listener, ratio)

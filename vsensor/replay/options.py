@@ -39,6 +39,7 @@ class ReplayOptions:
     start_at: str | None = None
     skip_unsendable: bool = False
     overlay: str | None = None
+    take_over: str | None = None
     log: Path | None = None
     realtime: bool = False
     repair: tuple[str, ...] = ()

@@ -9,12 +9,12 @@ clock pass in 4 ms. Its clock, counters and images go on over seams and seeks; t
 """
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from fractions import Fraction
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
-from vsensor.overlay import KEPT, Desk, Made, Wish
+from vsensor.overlay import KEPT, Desk, Made, MovedFrames, Wish
 from vsensor.replay.reel import Piece, Reel
 from vsensor.types import Frame
 
@@ -24,6 +24,10 @@ FRAMES_AHEAD = 2048
 """Frames read ahead by the player: as many images, should the log be that quiet, can be taken back."""
 
 assert KEPT > FRAMES_AHEAD + LOOK_AHEAD
+
+LEAD_NS = 15_000_000
+"""A steered vehicle's image is asked for so long before its slot, with what the ECU has sent until then."""
+FETCH_NS = 2_000_000  # and fetched so long before
 
 
 class Lay(NamedTuple):
@@ -37,6 +41,27 @@ class Lay(NamedTuple):
     channel: int
     keys: frozenset[tuple[int, bool]]
     heard: frozenset[tuple[int, bool]] = frozenset()
+
+
+class Ears(Protocol):
+    """Who hears the ECU."""
+
+    def taken(self) -> Sequence[Frame]:
+        """Return what was heard since the last call, times from the replay's beginning."""
+        ...
+
+
+class Steered(NamedTuple):
+    """From `from_ns` of the log on an ECU steers: `ears` hear it, `frames` of the car tell the new motion.
+
+    `recorded(log_ns)` and `simulated(made)` give the quantities of MovedFrames.
+    """
+
+    from_ns: int
+    ears: Ears
+    frames: MovedFrames
+    recorded: Callable[[int], dict[str, float]]
+    simulated: Callable[[Made], dict[str, float]]
 
 
 class _Passed(NamedTuple):
@@ -76,23 +101,52 @@ class Overlaid:
         self._passed = _Passed(0, reel.start_ns, 0)
         self._scene_ns: int | None = None  # the log's time of the latest slot
         self._loop = 0  # and its pass
+        self.steered: Steered | None = None
+        self._motions: deque[tuple[int, dict[str, float]]] = deque(maxlen=2)  # of steered slots, log time
+
+    @property
+    def opens_ns(self) -> int:
+        """The replay's time before which there is nothing to pull: an image that may not be asked for yet."""
+        if not self._is_steered():
+            return 0
+        if self._entries:
+            first = self._entries[0]
+            return first.due_ns - FETCH_NS if isinstance(first, _Passed) else 0
+        return self.slot_due_ns(self._next) - LEAD_NS if self._is_slot_next() else 0
 
     def pull(self) -> Piece | None:
         """Return the next few frames; None if there is none yet, or (`ended`) any more."""
-        while self._asked < LOOK_AHEAD and self._at < len(self._car.frames):
+        asked = self._next
+        while self._asked < LOOK_AHEAD and self._at < len(self._car.frames) and self._may_split():
             self._split()
-        if self._asked < LOOK_AHEAD and not self._reel.ended:
+        if self._next > asked and self._is_steered():
+            return None  # it is computed meanwhile
+        is_short = self._asked < LOOK_AHEAD and self._at == len(self._car.frames)
+        if is_short and not self._reel.ended and not (self._entries and self._is_steered()):
             piece = self._reel.pull()
             if piece is not None:
                 self._car, self._at = piece, 0
             return None
         if not self._entries:
-            return self._rest()
+            return None if self._at < len(self._car.frames) else self._rest()
         entry = self._entries.popleft()
         if isinstance(entry, Piece):
-            return self._merged(entry)
+            return self._merged(self._told_anew(entry))
         self._asked -= 1
         return self._image(entry)
+
+    def _is_steered(self) -> bool:
+        """Return whether the next slot is one of a steered vehicle."""
+        steered = self.steered
+        return steered is not None and self._slot_log_ns(self.slot_due_ns(self._next)) >= steered.from_ns
+
+    def _is_slot_next(self) -> bool:
+        frames, at = self._car.frames, self._at
+        return at < len(frames) and frames[at].due_ns > self.slot_due_ns(self._next)
+
+    def _may_split(self) -> bool:
+        """Return whether to go on: a steered vehicle's image waits until all before it is pulled."""
+        return not (self._is_steered() and self._entries)
 
     def seek(self, log_ns: int, due_ns: int, loop: int = 0, unsent: Sequence[Frame] = ()) -> None:
         """Go on with the car's first frame not before `log_ns`; the sensor goes on where it is.
@@ -118,6 +172,7 @@ class Overlaid:
         self._car, self._at = Piece([], [], loop), 0
         self._entries.clear()
         self._heard.clear()
+        self._motions.clear()
         self._passed = _Passed(due_ns, max(log_ns, self.start_ns), loop)
 
     def unfinished(self, frames: Iterable[Frame]) -> int:
@@ -155,10 +210,12 @@ class Overlaid:
 
     def _ask(self, due_ns: int) -> None:
         """Ask for the image of the next slot, which is due at `due_ns`."""
-        passed, speed, period_ns = self._passed, self._lay.speed, self._lay.period_ns
-        log_ns = passed.log_ns + (due_ns - passed.due_ns) * speed.numerator // speed.denominator
+        passed, period_ns = self._passed, self._lay.period_ns
+        log_ns = self._slot_log_ns(due_ns)
         expected_ns = log_ns if self._scene_ns is None else self._scene_ns + period_ns
         is_cut = abs(log_ns - expected_ns) > period_ns
+        if self.steered is not None:
+            self._hear(self.steered.ears.taken())
         heard = tuple(self._on_sensor_time(frame) for frame in self._heard)
         self._heard.clear()
         self._desk.ask(Wish(self._next, log_ns, is_cut, is_cut and passed.loop != self._loop, heard))
@@ -167,6 +224,33 @@ class Overlaid:
         self._asked += 1
         self._next += 1
 
+    def _slot_log_ns(self, due_ns: int) -> int:
+        """Return the log's time of a slot that is due next."""
+        passed, speed = self._passed, self._lay.speed
+        return passed.log_ns + (due_ns - passed.due_ns) * speed.numerator // speed.denominator
+
+    def _told_anew(self, run: Piece) -> Piece:
+        """Return the car's frames as they are once the vehicle moves otherwise than recorded."""
+        steered = self.steered
+        if steered is None or not self._motions:
+            return run
+        pairs = []
+        for frame, log_ns in zip(run.frames, run.log_ns, strict=True):
+            moved = frame if log_ns < steered.from_ns else self._told(steered, frame, log_ns)
+            if moved is not None:
+                pairs.append((moved, log_ns))
+        return Piece([frame for frame, _ in pairs], [log_ns for _, log_ns in pairs], run.loop)
+
+    def _told(self, steered: Steered, frame: Frame, log_ns: int) -> Frame | None:
+        """Return a frame with the motion of its time, extrapolated from the latest two slots."""
+        (first_ns, first), (last_ns, last) = self._motions[0], self._motions[-1]
+        part = (log_ns - last_ns) / (last_ns - first_ns) if last_ns > first_ns else 0.0
+        recorded = steered.recorded(log_ns)
+        changes = {
+            name: value + part * (value - first[name]) - recorded[name] for name, value in last.items()
+        }
+        return steered.frames.moved(frame, changes)
+
     def _on_sensor_time(self, frame: Frame) -> Frame:
         speed = self._lay.speed
         return replace(frame, due_ns=frame.due_ns * speed.numerator // speed.denominator)
@@ -174,6 +258,10 @@ class Overlaid:
     def _image(self, slot: _Passed) -> Piece | None:
         """Return the frames of the image that was asked for first, and what waited until then."""
         made: Made = self._desk.answer()
+        if self.steered is not None and made.is_steered:
+            self._motions.append((slot.log_ns, self.steered.simulated(made)))
+        else:
+            self._motions.clear()
         frames = tuple(
             replace(frame, due_ns=self._due_of(frame.due_ns), channel=self._lay.channel)
             for frame in made.frames
@@ -183,8 +271,10 @@ class Overlaid:
         self._waiting = sorted((*self._waiting, *frames), key=_due)
         return self._piece(self._taken(slot.due_ns), slot)
 
-    def _merged(self, run: Piece) -> Piece:
+    def _merged(self, run: Piece) -> Piece | None:
         """Return frames of the car, and between them the sensor's that are due there."""
+        if not run.frames:
+            return None
         if not self._waiting or self._waiting[0].due_ns > run.frames[-1].due_ns:
             return run
         own = self._taken(run.frames[-1].due_ns)

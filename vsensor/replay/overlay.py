@@ -1,7 +1,8 @@
 """`--overlay`: a scenario's lane sensor comes onto a log; what the log has of such a sensor is left out."""
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -9,14 +10,27 @@ import numpy as np
 from vsensor.config import load_scenario
 from vsensor.logs import Columns, LogTable, Notes, iter_chunks
 from vsensor.logs.table import joined, table_from
-from vsensor.overlay import Desk, Elsewhere, Here, Synth, Wish, camera_keys, heard_keys, synth_of
+from vsensor.overlay import (
+    Desk,
+    Elsewhere,
+    Here,
+    MovedFrames,
+    Synth,
+    TakingOver,
+    Wish,
+    camera_keys,
+    heard_keys,
+    synth_of,
+    vehicle_profiles,
+)
 from vsensor.replay.choice import EXTENDED_KEY, keys_of
-from vsensor.replay.options import ReplayOptions, speed_of
-from vsensor.replay.overlaid import Lay, Overlaid
+from vsensor.replay.options import ReplayOptions, log_time_ns, speed_of
+from vsensor.replay.overlaid import Lay, Overlaid, Steered
+from vsensor.replay.player import Player, Sending
 from vsensor.replay.reel import Cut, Reel, Survey, times_at
 from vsensor.replay.smooth import Smooth, smoothed
 from vsensor.replay.timeline import Order, in_order
-from vsensor.types import BoolArray
+from vsensor.types import BoolArray, Frame
 
 Say = Callable[[str], None]
 Ids = frozenset[tuple[int, bool]]
@@ -25,16 +39,43 @@ Sendable = Callable[[Columns], BoolArray]
 WARM_IMAGES = 5
 
 
+class Listening:
+    """Buses whose frames of the ECU are kept, with times from the replay's beginning."""
+
+    def __init__(self, sending: Sending, heard: Ids) -> None:
+        self._sending, self._keys, self._kept = sending, heard, list[Frame]()
+        self.origin_ns: Callable[[], int] = lambda: 0
+
+    def send(self, frame: Frame) -> bool:
+        """Send now; False if the bus refused the frame."""
+        return self._sending.send(frame)
+
+    def drain(self) -> Sequence[Frame]:
+        """Return what was heard since the last call; the ECU's is kept, too."""
+        arrived = self._sending.drain()
+        self._kept += [one for one in arrived if (one.arbitration_id, one.is_extended) in self._keys]
+        return arrived
+
+    def taken(self) -> Sequence[Frame]:
+        """Return what was kept since the last call."""
+        self.drain()
+        origin_ns = self.origin_ns()
+        taken = [replace(frame, due_ns=frame.due_ns - origin_ns) for frame in self._kept]
+        self._kept.clear()
+        return taken
+
+
 class Overlay:
     """A sensor ready to be laid over a log; computed in a process of its own unless time is simulated."""
 
-    def __init__(self, synth: Synth, lay: Lay, *, in_place: bool) -> None:
-        """Start to compute; open buses after that."""
-        self.synth, self.lay = synth, lay
+    def __init__(self, synth: Synth, lay: Lay, frames: MovedFrames | None, *, in_place: bool) -> None:
+        """Start to compute; open buses after that. `frames` are told anew after a take-over."""
+        self.synth, self.lay, self._frames = synth, lay, frames
         self.removed = 0  # frames of the log with the sensor's ids
         self._keys = _keys(lay.keys)
         self._desk: Desk = Here(synth) if in_place else Elsewhere(synth)
         self._over: Overlaid | None = None
+        self._ears: Listening | None = None
 
     def without_camera(self, sendable: Sendable) -> Sendable:
         """Return `sendable` that leaves out the sensor's own messages, too, and counts them."""
@@ -49,10 +90,31 @@ class Overlay:
 
         return rest
 
+    def listening(self, sending: Sending) -> Sending:
+        """Return the buses, heard where an ECU steers."""
+        if isinstance(self.synth.source, TakingOver):
+            self._ears = Listening(sending, self.lay.heard)
+            return self._ears
+        return sending
+
     def laid_over(self, reel: Reel) -> Overlaid:
         """Return the reel with the sensor's frames."""
         self._over = Overlaid(reel, self._desk, self.lay)
+        source = self.synth.source
+        if isinstance(source, TakingOver) and self._ears is not None and self._frames is not None:
+            self._over.steered = Steered(
+                from_ns=source.from_ns,
+                ears=self._ears,
+                frames=self._frames,
+                recorded=source.recorded,
+                simulated=source.simulated,
+            )
         return self._over
+
+    def played_by(self, player: Player) -> None:
+        """Take the player's clock for what is heard."""
+        if self._ears is not None:
+            self._ears.origin_ns = lambda: player.origin_ns
 
     def lines(self) -> list[str]:
         """Return what it did, as sentences."""
@@ -74,7 +136,11 @@ def open_overlay(
     if options.overlay is None:
         return None
     scenario = load_scenario(options.overlay)
-    synth = synth_of(scenario, lambda ids: _table(options, cut, ids))
+    over_ns = None
+    if options.take_over is not None:
+        over_ns = log_time_ns("--take-over", options.take_over, head.start_ns)
+    synth = synth_of(scenario, lambda ids: _table(options, cut, ids), over_ns)
+    frames = None if over_ns is None else MovedFrames(vehicle_profiles(scenario))
     keys = camera_keys(synth.line)
     lay = Lay(
         period_ns=synth.period_ns,
@@ -83,10 +149,10 @@ def open_overlay(
         keys=keys,
         heard=heard_keys(synth),
     )
-    for text in (*synth.source.notes, *synth.source.findings):
+    for text in (*synth.source.notes, *synth.source.findings, *(frames.lines() if frames else ())):
         say(f"overlay: {text}")
     _warn(synth, lay, options, say)
-    overlay = Overlay(synth, lay, in_place=options.fast)
+    overlay = Overlay(synth, lay, frames, in_place=options.fast)
     stack.callback(overlay.close)
     return overlay
 

@@ -51,6 +51,11 @@ class Pulled(Protocol):
     ended: bool
     most_ahead: int
 
+    @property
+    def opens_ns(self) -> int:
+        """The replay's time before which there is nothing to pull."""
+        ...
+
     def pull(self) -> Piece | None:
         """Return the next few frames; None if there is none yet, or (`ended`) any more."""
         ...
@@ -103,7 +108,7 @@ class Player:
         self._pull_ns = self._listen_ns = self._record_ns = 0  # what they cost
         self._paused_ns: int | None = None
         self._position_ns, self._due_ns = reel.start_ns, 0
-        self._fill()
+        self._fill(at_once=True)
         self.now_ns = clock.now_ns()
         self.origin_ns = self.now_ns if origin_ns is None else origin_ns
 
@@ -152,7 +157,7 @@ class Player:
         """Pause, and send the next `count` frames at once; returns how many there were."""
         self.pause()
         for done in range(count):
-            if not self._pieces and not self._fill():
+            if not self._pieces and not self._fill(at_once=True):
                 return done
             frame = self._next()
             self._paused_ns = self._clock.now_ns()
@@ -176,7 +181,7 @@ class Player:
         self._at, self._ahead, self._ready = 0, 0, None
         self._reel.seek(self._reel.start_ns + round(log_s * 1e9), due_ns, loop, unsent)
         self._position_ns = self._reel.start_ns + max(0, round(log_s * 1e9))
-        self._fill()  # takes as long as reading up to there: not counted
+        self._fill(at_once=True)  # takes as long as reading up to there: not counted
         self.now_ns = self._clock.now_ns()
         if self._paused_ns is None:
             self.origin_ns = self.now_ns - due_ns
@@ -204,11 +209,11 @@ class Player:
 
     def _next_due(self) -> int | None:
         """Return when the next frame is due, of the log or of a stage; None if there is none any more."""
-        due_ns = self._next().due_ns if self._pieces or self._fill() else None
+        times = [self._next().due_ns] if self._pieces or self._fill() else []
+        if not self._reel.ended and not self._is_open():  # there will be more to pull, and it is waited for
+            times.append(self._reel.opens_ns)
         woken = self._chain.next_wake(self.states)
-        if woken is None:
-            return due_ns
-        return woken[0] if due_ns is None else min(due_ns, woken[0])
+        return min([*times, *(() if woken is None else woken[:1])], default=None)
 
     def _wake_until(self, last_ns: int) -> None:
         """Send the stages' own frames that are due before, or at, `last_ns`; what a bus refuses is lost."""
@@ -224,11 +229,16 @@ class Player:
                 self.report.late(self.now_ns - self.origin_ns - due_ns)
             self._give((self.states, frames))
 
-    def _fill(self) -> bool:
-        """Read until there is a frame to send; False if there is none any more."""
-        while not self._pieces and not self._reel.ended:
+    def _fill(self, *, at_once: bool = False) -> bool:
+        """Read until there is a frame to send; False if there is none any more, or (not `at_once`) yet."""
+        while not self._pieces and not self._reel.ended and (at_once or self._is_open()):
             self._pull()
         return bool(self._pieces)
+
+    def _is_open(self) -> bool:
+        """Return whether it is time to pull; without waiting it always is."""
+        opens_ns = self._reel.opens_ns
+        return not opens_ns or not self.report.real_time or self.now_ns - self.origin_ns >= opens_ns
 
     def _pull(self) -> None:
         piece = self._reel.pull()
@@ -250,7 +260,7 @@ class Player:
 
     def _work(self, left_ns: int) -> Callable[[], None] | None:
         """Return what is to be done and fits into `left_ns`."""
-        may_pull = not self._reel.ended and left_ns > self._pull_ns
+        may_pull = not self._reel.ended and left_ns > self._pull_ns and self._is_open()
         if may_pull and self._ahead < SCARCE:
             return self._pull
         if self.now_ns - self._heard_ns >= LISTEN_NS and left_ns > self._listen_ns:

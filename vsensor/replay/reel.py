@@ -95,6 +95,7 @@ class Reel:
     """A log that is played. `pull` gives the next frames; `seek` goes elsewhere, replay time goes on."""
 
     most_ahead = AHEAD
+    opens_ns = 0
 
     def __init__(
         self,

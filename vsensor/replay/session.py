@@ -66,17 +66,20 @@ def replay_log(
         outputs = open_outputs(options, head, chosen, stack, overlay, adds_fd=changes.adds_fd)
         sendable = outputs.sendable if overlay is None else overlay.without_camera(outputs.sendable)
         reel = _reel(options, head, chosen, cut, sendable)
+        sending = outputs if overlay is None else overlay.listening(outputs)
         clock = _clock(options)
         record = _recording(options, head, stack)
         player = Player(
             reel if overlay is None else overlay.laid_over(reel),
-            outputs,
+            sending,
             clock,
             stages=stages,
             record=record,
             real_time=not options.fast,
             origin_ns=0,
         )
+        if overlay is not None:
+            overlay.played_by(player)
         _say_start(options, outputs, say, keys)
         if options.realtime:
             stack.enter_context(real_time_priority(say))
@@ -108,6 +111,10 @@ def _require_sense(options: ReplayOptions) -> None:
         raise ConfigError("--loop 0 plays for ever, which --as-fast-as-possible cannot: give a number")
     if options.wait_for is not None and options.start_at is not None:
         raise ConfigError("--wait-for and --start-at exclude each other: one of them starts the replay")
+    if options.take_over is not None and options.overlay is None:
+        raise ConfigError("--take-over: needs --overlay, whose sensor shows the ECU where it steers")
+    if options.take_over is not None and options.speed != "1":
+        raise ConfigError("--take-over and --speed exclude each other: an ECU steers in real time")
     log = options.log
     if log is not None and log.exists() and options.path.exists() and log.samefile(options.path):
         raise ConfigError(f"{log}: is what is played, so it cannot be written over")

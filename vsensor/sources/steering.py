@@ -56,7 +56,7 @@ class SteeringControl:
             start_ns = tick.t_ns
         seconds = max(tick.t_ns - state.t_ns, 0) * 1e-9
         speed = self._speed_at(listened, tick.t_ns, start_ns)
-        steering = self._angle(listened)
+        steering = self.angle(listened)
         # A turn on the map is a turn about the road's normal to 1 part in 500 at 6 % of slope.
         speeds = state.speed_mps * tilt.run, speed * tilt.run
         before = speeds if state.start_ns is not None else (0.0, 0.0)
@@ -71,10 +71,12 @@ class SteeringControl:
             else 0.0,
         )
 
-    def _angle(self, listened: Listened) -> float:
-        """Return the angle of the front wheels."""
+    def angle(self, listened: Listened, before_first: float = 0.0) -> float:
+        """Return the angle of the front wheels; `before_first`: before the first request."""
         last = listened.quantities.get(self._steering)
-        if last is None or last.is_lost or listened.now_ns - last.t_ns > self._hold_ns:
+        if last is None:
+            return before_first
+        if last.is_lost or listened.now_ns - last.t_ns > self._hold_ns:
             return 0.0
         angle = last.value / (self._ratio if self._steering == WHEEL else 1.0)
         return min(max(angle, -LARGEST_STEERING_RAD), LARGEST_STEERING_RAD)
