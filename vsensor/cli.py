@@ -91,7 +91,7 @@ Play a CAN log on its own times: onto one bus or several, a part of it, faster, 
   vsensor replay drive.blf --bus socketcan:can0 --loop 0 --repair native --repair honda=honda.dbc
   vsensor replay drive.blf --bus socketcan:can0 --from honda=honda.dbc --as hyundai=hyundai.dbc
   vsensor replay drive.log --overlay drive.toml --log with_lanes.blf    a lane camera that was never there
-  vsensor replay drive.log --overlay drive.toml --take-over 30 --bus socketcan:can0   the ECU steers from then on
+  vsensor replay drive.log --overlay drive.toml --take-over 30 --bus socketcan:can0   the ECU steers then
 
 On a terminal: space holds and goes on, arrows 5 s back and ahead, s one frame, q ends.
 """
