@@ -116,7 +116,7 @@ def test_a_line_that_is_hidden_for_an_image_advances_all_the_same():
 
 def test_a_line_that_is_gone_is_remembered_for_five_correlation_times():
     state = some_drive([0], ids=(11, 12))[0]
-    assert some_drive([99], state, ids=(21, 22))[0].lines == (11, 12, 21, 22)
+    assert some_drive([99], state, ids=(21, 22))[0].lines == (21, 22, 11, 12)
     assert some_drive([101], state, ids=(21, 22))[0].lines == (21, 22)
 
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from tools.bench import frontier, growth, peers, pictures, reference
+from tools.bench import errors, frontier, growth, peers, pictures, reference
 from tools.bench.__main__ import main
 from tools.bench.report import markdown
 from tools.bench.scene import boxes_in_view, reference_line, ticks_at
@@ -120,6 +120,16 @@ def test_a_report_holds_what_was_asked_for(tmp_path, monkeypatch, capsys):
     report = json.loads((tmp_path / "bench.json").read_text())
     assert set(report) == {"machine", "reference", "occlusion"}
     assert "P1's algorithms" in (tmp_path / "bench.md").read_text()
+
+
+def test_the_bench_of_errors_makes_errors_and_loses_lines_in_every_mode():
+    found = errors.errors(images=20)
+    assert list(found["modes"]) == ["extreme", "levels", "volume"]
+    assert [row[1] for row in errors.targets(found)] == ["150 us"] * 3
+    images = errors.Images("volume")
+    moved = [images() for _ in range(400)]
+    assert np.std([lines.points_ego_m[900, 1] for lines, _ in moved]) > 0.1
+    assert {len(estimate.boundaries) for _, estimate in moved} >= {3, 4}
 
 
 def test_a_missed_target_is_called_missed():

@@ -7,12 +7,24 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from tools.bench import codec, drives, frontier, growth, loop, peers, pictures, reference, replay, timing
+from tools.bench import (
+    codec,
+    drives,
+    errors,
+    frontier,
+    growth,
+    loop,
+    peers,
+    pictures,
+    reference,
+    replay,
+    timing,
+)
 from tools.bench.measure import ROOT, machine
 from tools.bench.report import markdown
 
 SECTIONS = (
-    *("demo", "fast", "encoding", "decoding", "vcan", "loop", "timing", "replay"),
+    *("demo", "fast", "encoding", "decoding", "errors", "vcan", "loop", "timing", "replay"),
     *("reference", "frontier", "growth", "memory", "hard"),
 )
 
@@ -46,6 +58,7 @@ def main(words: list[str] | None = None) -> int:
         "loop": ("closed_loop", loop.closed_loop),
         "encoding": ("encoding", codec.encoding),
         "decoding": ("decoding", codec.decoding),
+        "errors": ("errors", errors.errors),
         "timing": (
             "timing",
             lambda: timing.timing(arguments.timing_seconds, 10.0 if arguments.full else 0.0),

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tools.bench import loop, report_replay, report_timing
+from tools.bench import errors, loop, report_replay, report_timing
 from tools.bench.tables import table
 
 Report = Mapping[str, Any]
@@ -203,6 +203,7 @@ TARGETS = {
     "fast": _fast,
     "encoding": report_timing.encoding,
     "decoding": report_timing.decoding,
+    "errors": errors.targets,
     "vcan": _vcan,
     "closed_loop": loop.targets,
     "timing": report_timing.timing,

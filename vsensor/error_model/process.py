@@ -65,8 +65,7 @@ def apply(
     state = _advance(law, model, state, draws, tick, line_ids)
     if not line_ids:
         return state, lines
-    known = dict(zip(state.lines, state.process, strict=True))
-    process = np.array([known[line] for line in line_ids])
+    process = _of_lines(state, line_ids)
     if law.mode == "volume":
         return state, shift(lines, law.grid_m, quantile(model.knots, table, process))
     level = np.minimum(process[:, 0].astype(int), len(table) - 1)
@@ -101,38 +100,78 @@ def report(
 def _advance(
     law: ErrorLaw, model: ModelLaw, state: ErrorState, draws: Draws, tick: Tick, line_ids: tuple[int, ...]
 ) -> ErrorState:
-    """Advance every line from its last tick to this one; a new one starts from the stationary law."""
-    next_of = _next_z if law.mode == "volume" else _next_level
-    known = {line: (at, old) for line, at, old in zip(state.lines, state.ticks, state.process, strict=True)}
-    for line in line_ids:
-        at, old = known.get(line, (tick.index, None))
-        known[line] = (tick.index, next_of(model, old, at, draws, tick, line))
+    """Advance every line from its last tick to this one; a new one starts from the stationary law.
+
+    First in the state come the lines of this image, in its order, then those that may come back.
+    """
+    here = tuple(dict.fromkeys(line_ids))
+    old, ages = _known(state, here, tick)
+    step = _next_z if law.mode == "volume" else _next_level
+    process = step(model, old, ages, draws, tick, here)
     horizon = tick.index - FORGET_AFTER * model.time_s * 1e9 / tick.period_ns
-    kept = sorted(line for line, (at, _) in known.items() if at >= horizon)
-    width = len(law.grid_m) if law.mode == "volume" else 1
+    away = [
+        place
+        for place, (line, at) in enumerate(zip(state.lines, state.ticks, strict=True))
+        if at >= horizon and line not in here
+    ]
+    if away:
+        process = np.concatenate([process, state.process[away]])
     return ErrorState(
-        lines=tuple(kept),
-        ticks=tuple(known[line][0] for line in kept),
-        process=frozen(np.array([known[line][1] for line in kept]).reshape(len(kept), width)),
+        lines=here + tuple(state.lines[place] for place in away),
+        ticks=(tick.index,) * len(here) + tuple(state.ticks[place] for place in away),
+        process=frozen(process),
     )
 
 
-def _next_z(model: ModelLaw, old: Array | None, at: int, draws: Draws, tick: Tick, line: int) -> Array:
-    noise = draws.at(Stage.ERROR_MODEL, tick.index, line).standard_normal(len(model.factor))
-    # one product per line: a joint one rounds differently with the number of lines, BLAS with the cores
-    smooth = np.asarray(np.einsum("gh,h", model.factor, noise))
-    if old is None:
+def _of_lines(state: ErrorState, line_ids: tuple[int, ...]) -> Array:
+    """Return the process of each line of an image (K, G); two stripes of a border share theirs."""
+    if state.lines[: len(line_ids)] == line_ids:
+        return state.process[: len(line_ids)]
+    places = {line: place for place, line in enumerate(state.lines)}
+    return state.process[[places[line] for line in line_ids]]
+
+
+def _known(state: ErrorState, here: tuple[int, ...], tick: Tick) -> tuple[Array, list[int | None]]:
+    """Return what the state knows of these lines (K, G), and how many ticks ago, None of a new line."""
+    if state.lines[: len(here)] == here:
+        return state.process[: len(here)], [tick.index - at for at in state.ticks[: len(here)]]
+    places = {line: place for place, line in enumerate(state.lines)}
+    found = [places.get(line) for line in here]
+    ages = [None if place is None else tick.index - state.ticks[place] for place in found]
+    if not len(state.lines):
+        return np.zeros((len(here), 1)), ages
+    return state.process[[place or 0 for place in found]], ages
+
+
+def _next_z(
+    model: ModelLaw, old: Array, ages: list[int | None], draws: Draws, tick: Tick, here: tuple[int, ...]
+) -> Array:
+    size = len(model.factor)
+    smooth = np.empty((len(here), size))
+    for row, line in enumerate(here):
+        noise = draws.at(Stage.ERROR_MODEL, tick.index, line).standard_normal(size)
+        # one product per line: a joint one rounds differently with the number of lines, BLAS with the cores
+        np.einsum("gh,h", model.factor, noise, out=smooth[row])
+    if not here:
         return smooth
-    keep = exp(-max(tick.index - at, 0) * tick.period_ns * 1e-9 / model.time_s)
-    return np.asarray(keep * old + sqrt(1.0 - keep * keep) * smooth)
+    decay = tick.period_ns * 1e-9 / model.time_s
+    keep = [0.0 if age is None else exp(-max(age, 0) * decay) for age in ages]
+    rest = [sqrt(1.0 - one * one) for one in keep]
+    return np.asarray(np.array(keep)[:, None] * old + np.array(rest)[:, None] * smooth)
 
 
-def _next_level(model: ModelLaw, old: Array | None, at: int, draws: Draws, tick: Tick, line: int) -> Array:
-    uniform = draws.at(Stage.ERROR_MODEL, tick.index, line).random(1)
-    if old is None:
-        return drawn(model.start, uniform).astype(np.float64)
-    steps = steps_between(at, tick, model.period_s)
-    return stepped(model.step, old.astype(np.int64), steps, uniform).astype(np.float64)
+def _next_level(
+    model: ModelLaw, old: Array, ages: list[int | None], draws: Draws, tick: Tick, here: tuple[int, ...]
+) -> Array:
+    levels = np.empty((len(here), 1))
+    for row, (line, age) in enumerate(zip(here, ages, strict=True)):
+        uniform = draws.at(Stage.ERROR_MODEL, tick.index, line).random(1)
+        if age is None:
+            levels[row] = drawn(model.start, uniform)
+        else:
+            steps = steps_between(tick.index - age, tick, model.period_s)
+            levels[row] = stepped(model.step, old[row].astype(np.int64), steps, uniform)
+    return levels
 
 
 def _signs(direction: str, draws: Draws, lines: LinePoints) -> Array:

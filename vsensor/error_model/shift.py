@@ -16,11 +16,11 @@ def shift(lines: LinePoints, grid_m: Array, errors_m: Sequence[Array] | Array) -
 
     Beyond the grid the nearest error holds.
     """
-    points = lines.points_ego_m.copy()
+    points = lines.points_ego_m.copy(order="K")  # along x, y and z each, as they come
     moved = np.empty(len(points), complex)  # error + i slope: one search of the grid gives both
     for row, (start, stop) in enumerate(pairwise(lines.starts.tolist())):
         if stop > start:
-            x = points[start:stop, 0].copy()
+            x = points[start:stop, 0]
             on_grid = errors_m[row] + 1j * _slope(x, points[start:stop, 1], grid_m)
             moved[start:stop] = np.interp(x, grid_m, on_grid)
     offset, slope = moved.real, moved.imag
