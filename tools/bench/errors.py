@@ -72,6 +72,7 @@ class Images:
         self._lines, self._estimate = _lines(), _estimate()
 
     def __call__(self) -> tuple[LinePoints, LaneEstimate]:
+        """Return the moved points and the report of the next image."""
         tick = Tick(index=self._index, t_ns=self._index * PERIOD_NS, period_ns=PERIOD_NS)
         found = reach(self._law, CONDITIONS)
         self._errors, lines = apply(
