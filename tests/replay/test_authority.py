@@ -15,6 +15,7 @@ REFUSED = {
     "single_frame.asc": "holds no CAN frame; 1 lines are none",  # 64 bytes of classic CAN
     "test_CanErrorFrameExt.blf": "none of its frames is .* of a kind that its bus carries",
     "test_CanErrorFrames.asc": "none of its frames is .* of a kind that its bus carries",
+    "test_CanFdRemoteMessage.asc": "none of its frames is .* of a kind that its bus carries",
     "test_CanFdMessage.blf": NO_BUS.format("4444444"),
     "test_CanFdMessage64.blf": NO_BUS.format("15555555"),
     "test_CanMessage.blf": NO_BUS.format("4444444"),
@@ -26,12 +27,7 @@ LONG_CLASSIC = {("issue_1299.asc", 2)}
 
 
 def is_possible(message):
-    """What python-can's own check says of a message that its reader has made.
-
-    But for remote frames of CAN FD, which no bus has and some logs do: they are played as they stand.
-    """
-    if message.is_fd and message.is_remote_frame:
-        return message.is_extended_id or message.arbitration_id < 0x800
+    """What python-can's own check says of a message that its reader has made."""
     try:
         message._check()
     except ValueError:

@@ -6,7 +6,7 @@ import numpy as np
 
 from vsensor.bus import FrameBus
 from vsensor.logs import Columns
-from vsensor.logs.table import ERROR, FD
+from vsensor.logs.table import ERROR, FD, REMOTE
 from vsensor.types import BoolArray, Frame
 
 
@@ -33,6 +33,9 @@ class Outputs:
         """Return which frames (N,) can be sent; the others are counted."""
         mask: BoolArray = (columns.flags & ERROR) == 0
         self._count("error frames, which a node cannot send on purpose", ~mask)
+        no_frames = mask & ((columns.flags & (FD | REMOTE)) == FD | REMOTE)
+        self._count("remote frames of CAN FD, which has none", no_frames)
+        mask &= ~no_frames
         if not self.buses:
             return mask
         for number in np.unique(columns.channel).tolist():
