@@ -4,6 +4,8 @@ import csv
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from tests.shared import SHARED_DATA, needs_shared
 from vsensor.errors import LogError
@@ -12,7 +14,7 @@ from vsensor.logs.decode import decode_log
 from vsensor.profile import load_profile
 from vsensor.signals import VehicleConfig
 from vsensor.transmit import Transmitter, initial_state, transmit
-from vsensor.types import MarkingKind, Tick
+from vsensor.types import Frame, MarkingKind, Tick
 
 T0 = 1_700_000_000_000_000_000
 PERIOD_NS = 40_000_000
@@ -148,3 +150,48 @@ def test_a_car_makers_log_decodes_through_its_profile_and_agrees_with_cantools()
     ]
     expected = [message.decode(bytes.fromhex(line.split("#")[1]))["SPEED"] / 3.6 for line in lines]
     np.testing.assert_allclose(speeds, expected, rtol=1e-12)
+
+
+LDS_IDS = [*range(0x320, 0x32D)]
+NOISE = st.lists(
+    st.tuples(
+        st.integers(0, IMAGES * 13),
+        st.sampled_from(LDS_IDS) | st.integers(0, 0x1FFFFFFF),
+        st.binary(min_size=8, max_size=8) | st.binary(max_size=8),
+        st.sampled_from(["", "", "", "is_remote", "is_error", "is_extended"]),
+    ),
+    max_size=40,
+)
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(noise=NOISE)
+def test_random_frames_among_good_ones_change_no_row(tmp_path, noise):
+    profile = load_profile("native")
+    frames = list(sent_frames())
+    for place, identifier, data, flag in sorted(noise, key=lambda one: -one[0]):
+        plan = profile.by_id.get((identifier, flag == "is_extended" or identifier > 0x7FF))
+        if plan is not None and not flag and plan.guard.check(data):
+            continue  # 1 of 256 is right by chance
+        t_ns = frames[min(place, len(frames) - 1)].due_ns
+        flags = {flag: True} if flag else {}
+        flags |= {"is_extended": True} if identifier > 0x7FF else {}
+        data = b"" if flag == "is_remote" else data
+        frames.insert(place, Frame(due_ns=t_ns, arbitration_id=identifier, data=data, **flags))
+    path = tmp_path / "noisy.log"
+    with open_log_writer(path) as writer:
+        for frame in frames:
+            writer.write(frame)
+    table = decode_log(path, [profile])
+    expected = decode_log_of(tmp_path, list(sent_frames()), profile)
+    assert table.t_ns.tolist() == expected.t_ns.tolist()
+    for name, column in expected.columns.items():
+        np.testing.assert_array_equal(table.columns[name], column, err_msg=name)
+
+
+def decode_log_of(tmp_path, frames, profile):
+    path = tmp_path / "clean.log"
+    with open_log_writer(path) as writer:
+        for frame in frames:
+            writer.write(frame)
+    return decode_log(path, [profile])

@@ -11,7 +11,12 @@ DBC = (
     ' SG_ Cnt : 48|4@1+ (1,0) [0|15] "" ECU\n'
 )
 MESSAGE = "[messages.M]\ncycle_ms = 40\n"
-COMMANDS = [("check", "{path}"), ("run", "--fast", "--duration", "1", "--profile", "{path}")]
+COMMANDS = [
+    ("check", "{path}"),
+    ("run", "--fast", "--duration", "1", "--profile", "{path}"),
+    ("decode", "any.log", "--profile", "{path}"),
+    ("accept", "any.log", "--profile", "{path}"),
+]
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda words: words[0])
