@@ -385,13 +385,17 @@ class Boundary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LaneEstimate:
-    """The lines of one image, measured and predicted; a side that is missing has neither."""
+    """The lines of one image, measured and predicted; a side that is missing has neither.
+
+    `lost`: sides whose line was there until the error model or a fault dropped it.
+    """
 
     exposed_at_ns: int
     image_index: int
     boundaries: tuple[Boundary, ...]
     lane_change: int = 0  # 1 = to the left, -1 = to the right, in this image
     degraded: bool = False  # an input (ego motion) is missing or stale
+    lost: tuple[Side, ...] = ()
 
     def on(self, side: Side) -> Boundary | None:
         """Return the boundary on `side`, None if none is reported."""

@@ -237,6 +237,7 @@ def test_a_lost_line_leaves_no_trace_in_what_is_sent():
     law = law_of(dwell_levels=LEVELS, seen_dwell_s=LEVELS, lost_dwell_s=LEVELS)
     state = dataclasses.replace(state_with(), lost=frozen([True, False, False, True], bool))
     left = reported(law, state, estimate(*map(line, Side)), 80.0)
+    assert left.lost == (Side.LEFT, Side.NEXT_RIGHT)
     ego = EgoState(t_ns=0, position_world_m=np.zeros(3), speed_mps=20.0)
     values = values_from(VehicleConfig(), left, ego, SensorMode.AVAILABLE)
     for word in ("left", "next_right"):

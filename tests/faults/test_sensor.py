@@ -74,6 +74,8 @@ def test_a_lost_line_is_back_with_the_next_image_as_if_it_had_never_gone():
         [False] + [True] * 5 + [False] * (TICKS - FIRST - 5)
     )
     assert [o.frames for o in outputs[FIRST + 5 :]] == [o.frames for o in plain()[FIRST + 5 :]]
+    assert outputs[FIRST].estimate.lost == (Side.LEFT,)
+    assert outputs[FIRST + 5].estimate.lost == ()
 
 
 def test_a_ghost_line_stands_where_there_is_none_and_the_lane_follows():

@@ -102,7 +102,7 @@ def any_sections(rng):
         ),
         "region": RegionConfig(enabled=bool(rng.integers(2))),
         "error_model": ErrorModelConfig(
-            mode=rng.choice(["none", "extreme", "volume"]).item(),
+            mode=rng.choice(["none", "extreme", "levels", "volume"]).item(),
             direction=rng.choice(["left", "inward", "random"]).item(),
             scale=float(rng.choice([1.0, 20.0])),
         ),

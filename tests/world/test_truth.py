@@ -241,3 +241,11 @@ def test_a_line_that_was_seen_but_not_detected_was_beyond_the_range_or_lost(reac
     dropped = replace(output.detections, lines=empty, operating_range_m=reach)
     truth = line_truths(replace(output, detections=dropped), AXLE_M)[Side.LEFT]
     assert truth.reason_unseen is reason
+
+
+def test_a_line_that_the_error_model_or_a_fault_dropped_was_lost_and_others_were_not():
+    output = output_of([Drawn(y=straight(1.8)), Drawn(y=straight(-1.8))])
+    dropped = replace(output.estimate, lost=(Side.LEFT, Side.NEXT_LEFT))
+    truths = line_truths(replace(output, estimate=dropped), AXLE_M)
+    reasons = {side: truth.reason_unseen for side, truth in truths.items()}
+    assert reasons == {Side.LEFT: Unseen.LOST, Side.RIGHT: Unseen.TOO_FEW_POINTS}

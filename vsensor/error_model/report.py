@@ -201,10 +201,11 @@ def reported(law: ReportLaw, state: ReportState, estimate: LaneEstimate, range_m
     """
     shares = np.interp(ndtr(state.z), law.share_levels, law.share) if len(law.share) else None
     is_rated = len(law.quality_step) > 0
-    kept = []
+    kept, lost = [], list(estimate.lost)
     for line in estimate.boundaries:
         side = int(line.side)
         if state.lost[side]:
+            lost.append(line.side)
             continue
         end_m, quality = line.x_max_m, line.quality
         if shares is not None:
@@ -213,4 +214,4 @@ def reported(law: ReportLaw, state: ReportState, estimate: LaneEstimate, range_m
             rated = max(1, int(state.quality[side]))
             quality = rated if line.measured else min(rated, quality)
         kept.append(replace(line, x_max_m=end_m, quality=quality))
-    return replace(estimate, boundaries=tuple(kept))
+    return replace(estimate, boundaries=tuple(kept), lost=tuple(lost))

@@ -20,7 +20,10 @@ def spoiled_lines(faults: Sequence[Fault], estimate: LaneEstimate) -> LaneEstima
     What follows from the lines (lane offsets, width, quality, "not available") follows from these.
     """
     for fault in faults:
-        estimate = replace(estimate, boundaries=_spoiled(fault, estimate.boundaries))
+        lines = _spoiled(fault, estimate.boundaries)
+        kept = {line.side for line in lines}
+        lost = (*estimate.lost, *(line.side for line in estimate.boundaries if line.side not in kept))
+        estimate = replace(estimate, boundaries=lines, lost=lost)
     return estimate
 
 

@@ -82,7 +82,8 @@ def line_truths(output: Output, front_axle_x_m: float) -> Mapping[Side, LineTrut
             continue
         if line is not None and line.marking >= 0:
             k = place.get(line.marking, None if line.measured else k)
-        reason = _reason_unseen(output, line, k)
+        is_lost = line is None and side in output.estimate.lost
+        reason = Unseen.LOST if is_lost else _reason_unseen(output, line, k)
         if k is None:
             found[side] = _no_line(side, reason)
         else:
