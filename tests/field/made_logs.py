@@ -7,6 +7,7 @@ vehicle.dbc, the yaw rate as coarse and noisy as is said.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -96,7 +97,7 @@ class Drive:
     seen: Callable = lambda side, t_s: True
     x_max_m: float = 80.0
     profile: str = "native"
-    dbc: str | None = None
+    dbc: Path | None = None
     yaw_step_degps: float = 0.0
     yaw_noise_degps: float = 0.0
     yaw_offset_degps: float = 0.0
@@ -123,10 +124,11 @@ class Drive:
 
     def frames(self):
         """Return all frames in order of time."""
-        t, x, y, yaw, speed, rate = self.motion()
+        t, *motion = self.motion()
 
         def at(when_s):
-            return [float(np.interp(when_s, t, values)) for values in (x, y, yaw, speed, rate)]
+            """Return x, y, yaw, speed, yaw rate (5, N) at times."""
+            return np.array([np.interp(when_s, t, values) for values in motion])
 
         frames = [*self._vehicle_frames(at), *self._lane_frames(at)]
         return sorted(frames, key=lambda frame: frame.due_ns)
@@ -147,40 +149,40 @@ class Drive:
         )
         noise = random.normal(0.0, 1.0, count) * np.radians(self.yaw_noise_degps)
         step = np.radians(self.yaw_step_degps)
+        *_, speed, rate = at(np.clip(sampled / 1e9, 0.0, self.seconds))
+        rate = rate + noise + np.radians(self.yaw_offset_degps)
+        rate = np.round(rate / step) * step if step else rate
+        x, y, yaw, *_ = at(due / 1e9)
+        yaw = np.arctan2(np.sin(yaw), np.cos(yaw))
         for k in range(count):
-            when_s = min(max(sampled[k] / 1e9, 0.0), self.seconds)
-            *_, speed, rate = at(when_s)
-            rate += noise[k] + np.radians(self.yaw_offset_degps)
-            rate = np.round(rate / step) * step if step else rate
-            yield gateway.motion(int(max(sampled[k], 0)), speed, rate)
+            t_ns = int(due[k])
+            yield gateway.motion(int(max(sampled[k], 0)), float(speed[k]), float(rate[k]))
             if self.pose and k % 2 == 0:
-                x, y, yaw, *_ = at(due[k] / 1e9)
-                yield from gateway.pose(int(due[k]), x, y, np.arctan2(np.sin(yaw), np.cos(yaw)))
+                yield from gateway.pose(t_ns, float(x[k]), float(y[k]), float(yaw[k]))
             if self.body and k % 8 == 0:
-                yield gateway.frame("VEH_Body", int(due[k]), **self.body)
+                yield gateway.frame("VEH_Body", t_ns, **self.body)
 
     def _lane_frames(self, at):
-        profile = load_profile(self.profile, self.dbc)
-        transmitter = Transmitter(profile, VehicleConfig(), 1.9)
+        transmitter = Transmitter(load_profile(self.profile, self.dbc), VehicleConfig(), 1.9)
         state = initial_state(transmitter)
-        for k in range(int(self.seconds * 1e9 // CYCLE_NS)):
-            t_s = k * CYCLE_NS / 1e9
-            x, y, yaw, speed, rate = at(max(t_s - self.latency_ns / 1e9, 0.0))
+        count = int(self.seconds * 1e9 // CYCLE_NS)
+        due = np.arange(count) * CYCLE_NS
+        for k, (x, y, yaw, speed, rate) in enumerate(
+            at(np.maximum(due - self.latency_ns, 0) / 1e9).T.tolist()
+        ):
+            t_ns, t_s = int(due[k]), due[k] / 1e9
             ego = EgoState(
-                t_ns=k * CYCLE_NS,
+                t_ns=t_ns,
                 position_world_m=frozen([x, y, 0.0]),
                 yaw_rad=yaw,
                 speed_mps=speed,
                 yaw_rate_radps=rate,
             )
-            estimate = LaneEstimate(
-                exposed_at_ns=k * CYCLE_NS - self.latency_ns,
-                image_index=k,
-                boundaries=tuple(self._boundaries(t_s, x, y, yaw)),
-            )
+            lines = tuple(self._boundaries(t_s, x, y, yaw))
+            exposed_ns = max(t_ns - self.latency_ns, 0)
+            estimate = LaneEstimate(exposed_at_ns=exposed_ns, image_index=k, boundaries=lines)
             values = values_from(VehicleConfig(), estimate, ego, self.mode(t_s))
-            tick = Tick(index=k, t_ns=k * CYCLE_NS, period_ns=CYCLE_NS)
-            state, frames = transmit(transmitter, state, values, tick)
+            state, frames = transmit(transmitter, state, values, Tick(index=k, t_ns=t_ns, period_ns=CYCLE_NS))
             yield from frames
 
     def _boundaries(self, t_s, x, y, yaw):
@@ -189,7 +191,9 @@ class Drive:
                 continue
             ahead, left = self.road.seen_from(offset, x, y, yaw, self.x_max_m)
             left = left + self.error(side, t_s, ahead)
-            c = np.polynomial.Polynomial.fit(ahead, left, self.order).convert().coef
+            powers = np.arange(self.order + 1)
+            scaled = np.vander(ahead / self.x_max_m, self.order + 1, increasing=True)
+            c = np.linalg.lstsq(scaled, left, rcond=None)[0] / self.x_max_m**powers
             yield Boundary(
                 side=side,
                 coefficients=frozen(c),
@@ -204,3 +208,12 @@ class Drive:
                 marking=0,
                 points=0,
             )
+
+
+def write_lines(path, road, offsets=(HALF_LANE_M, -HALF_LANE_M), every=10):
+    """Write the true left and right line of a road as a reference file; return its path."""
+    rows = ["side,x_m,y_m"]
+    for side, offset in zip(("left", "right"), offsets, strict=True):
+        rows += [f"{side},{x:.5f},{y:.5f}" for x, y in road.line(offset)[::every].tolist()]
+    path.write_text("\n".join(rows) + "\n")
+    return path

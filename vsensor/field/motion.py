@@ -28,6 +28,8 @@ SHARE_S = 1.0
 DITHERED_STEPS = 0.3
 """Noise of 0.3 steps makes the mean of a rounded signal right to 5 % of a step."""
 MOVING_MPS = 5.0
+TOLD_M = 0.05
+"""What a coarse yaw rate costs at 100 m is told from here on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -154,10 +156,10 @@ def _coarse(t_ns: IntArray, rate: Array, speed: Array, profiles: list[Profile]) 
     if not full.any():
         return []
     bare = float(np.mean(noise[full] < DITHERED_STEPS * step))
-    if bare < 0.01:
-        return []
     mean_mps = float(speed[moving].mean())
     far_m = step / 2 * 100.0**2 / 2 / mean_mps
+    if bare < 0.01 or far_m < TOLD_M:
+        return []
     return [
         f"yaw rate in steps of {degrees(step):.3f} deg/s, which no noise blurs for {bare:.0%} of the drive: "
         f"half a step is up to {far_m:.2f} m at 100 m at {mean_mps:.0f} m/s in a reference along the path"

@@ -9,7 +9,7 @@ vehicle; what the integrated yaw rate says more, divided by the time between, is
 """
 
 from dataclasses import dataclass
-from math import radians
+from math import degrees, radians
 
 import numpy as np
 
@@ -23,7 +23,10 @@ AHEAD_M = 20.0
 MOVING_MPS = 5.0
 MILD_PER_M = 1 / 800
 """In a tighter bend a cubic is not the line's shape: at R = 250 m its slope is off by up to 1 mrad."""
-ENOUGH_S = 20.0
+TIGHT_PER_M = 1 / 100
+ENOUGH_S = 5.0
+SURE_RADPS = radians(0.03)
+"""A less certain offset is not taken: at 20 m/s it would be 0.13 m at 100 m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,15 +47,26 @@ def offset_of(rates: Rates, images: Images, limits: ScanLimits) -> OffsetEstimat
     plain = yaw_rate_offset(rates.t_ns, rates.yaw_rate_radps, rates.speed_mps)
     if plain.method == "standstill":
         return plain
-    samples, seconds = _from_lines(rates, images)
-    if seconds < ENOUGH_S:
+    for bend_per_m in (MILD_PER_M, TIGHT_PER_M):
+        samples, seconds = _from_lines(rates, images, bend_per_m)
+        if seconds >= ENOUGH_S and _uncertainty(samples) < SURE_RADPS:
+            break
+    else:
         return plain
     return OffsetEstimate(
-        offset_radps=float(np.median(samples)), method="lines seen again further on", seconds=seconds
+        offset_radps=float(np.median(samples)),
+        method=f"lines seen again further on, +- {degrees(_uncertainty(samples)):.4f}",
+        seconds=seconds,
     )
 
 
-def _from_lines(rates: Rates, images: Images) -> tuple[Array, float]:
+def _uncertainty(samples: Array) -> float:
+    """Return the standard deviation of the median, from those of 8 parts: neighbours are alike."""
+    medians = [np.median(part) for part in np.array_split(samples, 8)]
+    return float(np.std(medians, ddof=1) / np.sqrt(8))
+
+
+def _from_lines(rates: Rates, images: Images, bend_per_m: float) -> tuple[Array, float]:
     """Return an offset for each pair of images of a line, and how many seconds of driving they come from."""
     path = integrated(rates.t_ns, rates.speed_mps, rates.yaw_rate_radps)
     inside = (images.t_ns > path.t_ns[0]) & (images.t_ns < path.t_ns[-1])
@@ -68,7 +82,7 @@ def _from_lines(rates: Rates, images: Images) -> tuple[Array, float]:
     found, used = [], np.zeros(len(images), dtype=bool)
     for side in (Side.LEFT, Side.RIGHT):
         line = images.lines[side]
-        good = steady & _is_mild(line)[here] & line.measured[there] & line.is_whole[there]
+        good = steady & _is_mild(line, bend_per_m)[here] & line.measured[there] & line.is_whole[there]
         i, j, d = here[good], there[good], apart_m[good]
         _, c1, c2, c3 = line.coefficients[i].T
         turn = np.arctan(c1 + d * (2 * c2 + d * 3 * c3)) - np.arctan(line.coefficients[j, 1])
@@ -78,12 +92,12 @@ def _from_lines(rates: Rates, images: Images) -> tuple[Array, float]:
     return samples, float(np.count_nonzero(used)) * _cycle_s(images)
 
 
-def _is_mild(line: Line) -> BoolArray:
-    """Return the images (N,) that show a good line without a tight bend at either end of it."""
+def _is_mild(line: Line, bend_per_m: float) -> BoolArray:
+    """Return the images (N,) that show a good line without a tighter bend at either end of it."""
     c2, c3 = line.coefficients[:, 2], line.coefficients[:, 3]
     far = np.where(np.isfinite(line.x_max_m), line.x_max_m, 0.0)
     bend = np.maximum(np.abs(2 * c2), np.abs(2 * c2 + 6 * c3 * far))
-    mild: BoolArray = line.is_whole & line.measured & (bend < MILD_PER_M) & (far > AHEAD_M)
+    mild: BoolArray = line.is_whole & line.measured & (bend < bend_per_m) & (far > AHEAD_M)
     return mild
 
 
