@@ -162,7 +162,8 @@ def test_a_profile_with_origin_at_the_camera_angles_and_no_cubic_gives_the_same_
 
 def test_curvature_and_future_yaw_rate_are_those_where_the_vehicle_comes_to_the_range(tmp_path):
     road = Road((120.0, 0.0, 0.0), (400.0, 1 / 200, 1 / 200))
-    rows, _ = scanned(tmp_path, Drive(road=road, seconds=16, start_m=10.0))
+    drive = Drive(road=road, seconds=16, start_m=10.0)
+    rows, _ = scanned(tmp_path, drive, limits="yaw_rate_offset_degps = 0.0\n")
     early = rows.filter(polars.col("t_ns") == 1_000_000_000).filter(polars.col("side") == 0)  # at 30 m
     far = early.filter(polars.col("range_m") > 100.0 - 1.0 - 2.0)
     near = early.filter(polars.col("range_m") < 80.0)

@@ -89,12 +89,13 @@ def images_of(
     carried = {name for name in profile.quantities() if name.partition(".")[0] in (*words, "image")}
     table = frames.rows(carried.__contains__)
     rows = _with_a_line(table, words)
-    columns = {name: values[rows] for name, values in table.columns.items()}
-    columns = columns_from_bus(profile.geometry, limits.vehicle, columns, limits.camera_x_m)
+    on_bus = {name: values[rows] for name, values in table.columns.items()}
+    columns = columns_from_bus(profile.geometry, limits.vehicle, on_bus, limits.camera_x_m)
     recorded = np.maximum.accumulate(table.t_ns[rows])
     stamps = _unwrapped(columns.get("image.timestamp_ms"), _modulus(profile, "image.timestamp_ms"))
     t_ns, note = _image_times(recorded, stamps, limits)
-    lines = {side: _line(columns, SIDE_NAMES[side], len(t_ns)) for side in sides}
+    offsets = {side: on_bus.get(f"{SIDE_NAMES[side]}.offset_m", np.full(len(t_ns), np.nan)) for side in sides}
+    lines = {side: _line(columns, SIDE_NAMES[side], offsets[side]) for side in sides}
     index = _unwrapped(columns.get("image.index"), _modulus(profile, "image.index"))
     return Images(
         t_ns=t_ns,
@@ -126,7 +127,10 @@ def _with_a_line(table: DecodedTable, words: Sequence[str]) -> IntArray:
     return np.flatnonzero(there)
 
 
-def _line(columns: dict[str, Array], word: str, count: int) -> Line:
+def _line(columns: dict[str, Array], word: str, offset_m: Array) -> Line:
+    """Return a line of its columns and the offset (N,) as the bus has it, before other columns touch it."""
+    count = len(offset_m)
+
     def column(name: str, default: float) -> Array:
         return np.asarray(np.broadcast_to(columns.get(f"{word}.{name}", default), (count,)))
 
@@ -136,7 +140,7 @@ def _line(columns: dict[str, Array], word: str, count: int) -> Line:
     x_max = np.full(count, np.inf) if np.isnan(x_max).all() else x_max
     quality = column("quality", 4.0)
     told_none = (column("available", 1.0) == 0.0) | (quality == 0.0)
-    reported = ~np.isnan(c[:, 0]) & ~told_none
+    reported = ~np.isnan(offset_m) & ~told_none
     whole = np.isfinite(c).all(axis=1) & (np.abs(c[:, 0]) <= FARTHEST_M) & (x_max > 0.0)
     return Line(
         coefficients=c,

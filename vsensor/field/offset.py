@@ -53,9 +53,10 @@ def offset_of(rates: Rates, images: Images, limits: ScanLimits) -> OffsetEstimat
             break
     else:
         return plain
+    where = "" if bend_per_m == MILD_PER_M else " in bends, where a cubic errs by up to 0.15"
     return OffsetEstimate(
         offset_radps=float(np.median(samples)),
-        method=f"lines seen again further on, +- {degrees(_uncertainty(samples)):.4f}",
+        method=f"lines seen again further on{where}, +- {degrees(_uncertainty(samples)):.4f}",
         seconds=seconds,
     )
 
