@@ -5,11 +5,14 @@ A machine without time for a quarter of a second is no error of the frames: a ti
 
 import time
 
+import numpy as np
 import pytest
 
 from tests.ecu.building import found
 from tests.shared import SHARED_DATA, needs_shared
 from tests.vcan.test_ecu import ecu, ended
+from vsensor.logs import read_log
+from vsensor.profile import load_profile
 from vsensor.replay import ReplayOptions, replay_log
 
 pytestmark = [pytest.mark.vcan, pytest.mark.timeout(600)]
@@ -68,3 +71,60 @@ def test_an_ecu_accepts_a_drive_that_had_no_camera_over_a_seam_and_seeks(tmp_pat
     stood_still = report.timing.lateness.max_ns > 80_000_000
     errors = {name: count for name, count in found(judged).items() if name not in SAID}
     assert not errors or (stood_still and set(errors) == {"timeout"}), judged["log"]
+
+
+@pytest.fixture(scope="module")
+def taken_over(tmp_path_factory):
+    """6 s of the drive, the ECU in C steers from the third on: what was sent, what the ECU says."""
+    folder = tmp_path_factory.mktemp("over")
+    (folder / "rav4.toml").write_text(SCENARIO)
+    options = ReplayOptions(
+        path=LOG,
+        bus="socketcan:vcan1",
+        overlay=str(folder / "rav4.toml"),
+        take_over="12",
+        start="10",
+        stop="16",
+        log=folder / "out.blf",
+    )
+    with ecu() as process:
+        report = replay_log(options, lambda text: None)
+        judged = ended(process)
+    return read_log(folder / "out.blf"), judged, report
+
+
+def decoded(profile, table, quantity):
+    """Return times (s from the first frame) and values of a quantity."""
+    columns = profile.decode_arrays(table.arbitration_id, table.data, table.length, check=True)
+    column = columns[quantity]
+    return (table.t_ns[column.rows] - table.t_ns[0]) / 1e9, column.values
+
+
+@needs_shared
+def test_the_ecu_that_takes_over_keeps_the_vehicle_in_its_lane_and_finds_no_fault(taken_over):
+    table, judged, report = taken_over
+    left_s, left = decoded(load_profile("native"), table, "left.lane_offset_m")
+    _, right = decoded(load_profile("native"), table, "right.lane_offset_m")
+    seen = left_s > 0.5
+    assert np.isfinite(left[seen]).all()
+    assert np.abs(left[seen]).min() > 0.925  # half the vehicle's width
+    assert np.abs(right[seen]).min() > 0.925
+    stood_still = report.timing.lateness.max_ns > 80_000_000
+    errors = {name: count for name, count in found(judged).items() if name not in SAID}
+    assert not errors or (stood_still and set(errors) == {"timeout"}), judged["log"]
+    assert judged["requests"] > 200
+
+
+@needs_shared
+def test_the_cars_yaw_rate_is_the_simulated_one_and_goes_on_without_a_step(taken_over):
+    table, _, _ = taken_over
+    profile = load_profile("toyota_rav4", DBC)
+    recorded = read_log(LOG)
+    log_s, was = decoded(profile, recorded, "ego.yaw_rate_radps")
+    out_s, now = decoded(profile, table, "ego.yaw_rate_radps")
+    before = out_s < 1.9
+    first = np.searchsorted(log_s, 10.0)
+    np.testing.assert_array_equal(now[before], was[first:][: np.count_nonzero(before)])
+    assert np.count_nonzero(now != was[first:][: len(now)]) > 20
+    step_rad = np.radians(0.244)
+    assert np.abs(np.diff(now)).max() <= 3 * step_rad
