@@ -16,6 +16,7 @@ from vsensor.logs import read_log
 from vsensor.overlay import Elsewhere, Here, Wish, synth_of
 from vsensor.profile import load_profile
 from vsensor.replay import ReplayOptions, replay_log
+from vsensor.types import SensorMode
 
 NATIVE = load_profile("native")
 IDS = sorted(number for number, _ in NATIVE.by_id)
@@ -148,3 +149,48 @@ def test_an_overlay_that_cannot_be_is_refused_in_one_line(folder, scenario, said
     error = capsys.readouterr().err.strip().splitlines()
     assert len(error) == 1
     assert re.search(said, error[0])
+
+
+@pytest.fixture(scope="module")
+def on_map(folder):
+    """The drive moves a vehicle on the map of the shipped bench, twice."""
+    command = [
+        "replay",
+        folder / "drive.log",
+        "--overlay",
+        "live_bench",
+        "--as-fast-as-possible",
+        "--loop",
+        "2",
+    ]
+    assert main([*map(str, command), "--log", str(folder / "map.log")]) == 0
+    return read_log(folder / "map.log")
+
+
+def test_on_a_map_the_frames_that_are_played_move_the_vehicle(folder, on_map):
+    assert errors(folder / "map.log") == {}
+    states = column(on_map, "sensor.state")
+    assert states[10:].tolist() == [SensorMode.AVAILABLE] * (len(states) - 10)  # degraded where motion lacks
+
+
+def test_on_a_map_the_vehicle_is_back_at_the_start_where_the_log_begins_again(on_map):
+    width = column(on_map, "lane.width_m")
+    offset = column(on_map, "left.offset_m")
+    first, second = offset[10:95], offset[110:195]
+    assert np.isfinite(width[20:95]).all()
+    np.testing.assert_allclose(first, second, atol=0.1)  # the errors of the sensor are others
+    assert np.ptp(first) > 0.3
+
+
+def test_with_smoothed_times_the_scene_follows_what_is_played(folder):
+    smooth = replayed(folder, "smooth.log", "--smooth")
+    assert errors(folder / "smooth.log") == {}
+    assert of_sensor(smooth).sum() == 100 * len(IDS)
+
+
+def test_a_log_without_times_gets_them_from_its_rate(folder):
+    lines = (folder / "drive.log").read_text().splitlines()
+    (folder / "bare.log").write_text("".join(line.split()[2] + "\n" for line in lines))
+    command = ["replay", folder / "bare.log", "--rate", "150", "--overlay", folder / "lanes.toml"]
+    assert main([*map(str, command), "--as-fast-as-possible", "--log", str(folder / "rated.log")]) == 0
+    assert errors(folder / "rated.log") == {}

@@ -21,6 +21,7 @@ REST_NS = 20_000_000
 POLL_NS = 500_000
 """How long a bus that cannot say when a frame arrives is left alone."""
 START_UP_NS = 50_000_000
+WARM_IMAGES = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,9 +98,10 @@ def _opened(name: str, synth: Synth, say: Say, stack: contextlib.ExitStack) -> F
 
 
 def _warm_up(desk: Elsewhere) -> None:
-    """Let the first image be computed and thrown away: it imports what no slot should wait for."""
-    desk.ask(Wish(0))
-    desk.answer()
+    """Let a few images be computed and thrown away: they import what no slot should wait for."""
+    for number in range(WARM_IMAGES):
+        desk.ask(Wish(number))
+        desk.answer()
     desk.rewind(0)
 
 
