@@ -57,6 +57,10 @@ class NotingPort:
         """Nothing can be mended."""
         return False
 
+    def fileno(self) -> int:
+        """Nothing arrives."""
+        return -1
+
     def close(self) -> None:
         """Close both sockets."""
         self._end.close()
