@@ -87,3 +87,11 @@ def test_what_ends_too_early_is_refused(method):
 def test_a_method_that_nobody_knows_is_refused():
     with pytest.raises(UnzipError, match="method 6 is not known"):
         unzip(b"", 6, 0, 1)
+
+
+def test_a_header_that_names_no_block_is_refused(log, tmp_path):
+    content = bytearray(log.read_bytes())
+    content[64 + 16 : 64 + 24] = bytes(8)  # of HD: how many links it has
+    (tmp_path / "x.mf4").write_bytes(content)
+    with pytest.raises(LogError, match="its header is damaged"):
+        read_log(tmp_path / "x.mf4")

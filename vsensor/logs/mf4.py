@@ -90,6 +90,8 @@ def _tables(blocks: Blocks, notes: Notes) -> tuple[int, list[Table]]:
         raise BrokenError(f"MDF version {head[8:12].decode('latin-1')!r}, 4 was expected")
     unfinished: int = struct.unpack_from("<H", head, 60)[0] if head[:3] == b"UnF" else 0
     header = blocks.at(64, "HD")
+    if not header.links or len(header.data) < 8:
+        raise BrokenError("its header is damaged")
     start_ns, found, place = struct.unpack_from("<Q", header.data)[0], [], header.links[0]
     seen: set[int] = set()
     while place and place not in seen:
