@@ -38,7 +38,11 @@ class Parts:
         return (yield)
 
     def _plain(self, reports):
-        return [self.config.hook.pytest_report_to_serializable(config=self.config, report=r) for r in reports]
+        to_plain = self.config.hook.pytest_report_to_serializable
+        plain = [to_plain(config=self.config, report=report) for report in reports]
+        for report in plain:
+            report.pop("node", None)  # pytest-xdist's, of the worker's connection
+        return plain
 
     def _report(self, data):
         return self.config.hook.pytest_report_from_serializable(config=self.config, data=data)

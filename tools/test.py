@@ -1,7 +1,9 @@
-"""Run all tests in three parts: those of the bus on a real vcan, timing-sensitive ones alone, the rest.
+"""Run all tests in three parts: on a real vcan, beside them the rest, then timing-sensitive ones alone.
 
-Arguments go to pytest in every part. The exit status is 0 only if every part passed; pytest's own
-closing line at the end counts all of them. In CI (environment CI) a vcan test that was skipped fails.
+Those on vcan mostly wait for a bus in real time, the rest computes: side by side they take the time of the
+longer. The rest gives way (nice), so that it makes no frame late. Arguments go to pytest in every part. The
+exit status is 0 only if every part passed; pytest's own closing line at the end counts all of them. In CI
+(environment CI) a vcan test that was skipped fails.
 """
 
 import json
@@ -10,19 +12,20 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import IO
 
 ROOT = Path(__file__).resolve().parent.parent
 NO_TESTS = 5  # pytest's exit status where nothing matched
+WORKERS = min(max(os.cpu_count() or 1, 2), 4)
 
 
-def run(title: str, before: list[str], arguments: list[str]) -> int:
-    """Run pytest once; returns its exit status."""
-    print(f"---- {title}", flush=True)
+def start(before: list[str], arguments: list[str], output: IO[str] | None = None) -> subprocess.Popen[bytes]:
+    """Start pytest once; `wait()` gives its exit status."""
     command = [*before, sys.executable, "-m", "pytest", "-p", "tools.parts_plugin", *arguments, *sys.argv[1:]]
     environment = dict(os.environ, VSENSOR_NEEDS_VCAN="1")
-    return subprocess.run(
-        command, cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, check=False
-    ).returncode
+    return subprocess.Popen(
+        command, cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, stdout=output, stderr=output
+    )
 
 
 def not_run(part: Path) -> str:
@@ -37,21 +40,37 @@ def not_run(part: Path) -> str:
     return ""
 
 
+def build_ecu() -> None:
+    """Build the ECU before both parts want it; what is wrong with it their tests say."""
+    subprocess.run(
+        [sys.executable, "-m", "tests.ecu.building"], cwd=ROOT, stderr=subprocess.DEVNULL, check=False
+    )
+
+
+def side_by_side(vcan: Path, rest: Path, said: Path) -> list[int]:
+    """Run both large parts; returns their exit statuses."""
+    print("---- the rest, and beside it those on vcan", flush=True)
+    workers = ["-n", str(WORKERS), "--dist", "worksteal", "-m", "not vcan and not timing"]
+    with said.open("w") as output:
+        on_vcan = start(["tools/vcan"], ["-m", "vcan", f"--part-out={vcan}"], output)
+        beside = start(["nice"], [*workers, f"--part-out={rest}"])
+        statuses = [beside.wait(), on_vcan.wait()]
+    print("---- on vcan", said.read_text(errors="replace"), sep="\n", flush=True)
+    return statuses
+
+
 def main() -> int:
-    """Run the parts, the largest last, so that its closing line is that of all."""
+    """Run the parts; the closing line of the last one is that of all."""
+    build_ecu()
     with tempfile.TemporaryDirectory(prefix="vsensor-test-") as name:
-        vcan, timing = Path(name, "vcan.json"), Path(name, "timing.json")
-        statuses = [
-            run("on vcan", ["tools/vcan"], ["-m", "vcan", f"--part-out={vcan}"]),
-            run("timing-sensitive, alone", [], ["-m", "timing and not vcan", f"--part-out={timing}"]),
-        ]
-        earlier = [f"--part-in={part}" for part in (vcan, timing) if part.exists()]
+        vcan, rest = Path(name, "vcan.json"), Path(name, "rest.json")
+        statuses = side_by_side(vcan, rest, Path(name, "vcan.txt"))
+        earlier = [f"--part-in={part}" for part in (vcan, rest) if part.exists()]
         problem = "" if sys.argv[1:] else not_run(vcan)
         if problem:
             print(f"---- FAILED: {problem}", flush=True)
-        statuses.append(
-            run("the rest, and the sum", [], ["-n", "2", "-m", "not vcan and not timing", *earlier])
-        )
+        print("---- timing-sensitive, alone, and the sum", flush=True)
+        statuses.append(start([], ["-m", "timing and not vcan", *earlier]).wait())
     if sys.argv[1:]:  # a selection may leave a part empty
         statuses = [status for status in statuses if status != NO_TESTS] or [NO_TESTS]
     if problem or any(statuses):
@@ -60,4 +79,7 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        sys.exit(130)

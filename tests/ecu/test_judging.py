@@ -11,7 +11,7 @@ from vsensor.sinks.trace import TraceSink
 from vsensor.types import Side, Tick
 
 HALF_WIDTH_M = 0.9
-WAY = {"pauses": 0, "margin_m": 0.5}
+WAY = {"pauses": 0, "blind": 0, "margin_m": 0.5}
 
 
 def trace(folder, ticks, left_m=1.8):
@@ -59,13 +59,14 @@ def test_nothing_is_claimed_from_where_the_ecu_was_blind_for_a_quarter_of_a_seco
     way = kept(trace(tmp_path, ticks, lambda tick: 0.5 if tick > 30 else 1.8), 2.0, HALF_WIDTH_M)
     assert way["margin_m"] > 0
     assert way["judged_s"] == pytest.approx(19 * 0.04)
-    assert (way["slots_dropped"], way["pauses"]) == (5, 1)
+    assert (way["slots_dropped"], way["pauses"], way["blind"]) == (5, 1, 1)
 
 
 def test_a_shorter_pause_is_no_excuse(tmp_path):
     ticks = [*range(20), *range(24, 50)]
     way = kept(trace(tmp_path, ticks, lambda tick: 0.5 if tick > 30 else 1.8), 2.0, HALF_WIDTH_M)
     assert way["margin_m"] < 0
+    assert way["blind"] == 0
 
 
 @pytest.mark.parametrize("name", [*TARGET_ERRORS, "burst_incomplete"])
@@ -82,6 +83,13 @@ def test_timeouts_are_excused_by_dropped_slots_alone_and_not_without_end():
     assert problems(report(timeout=26), paused) == []
     assert problems(report(timeout=27), paused) == ["timeout: 27"]
     assert problems(report(crc=1), paused) == ["crc: 1"]
+
+
+def test_lines_may_jump_where_nobody_steered_and_nowhere_else():
+    assert problems(report(implausible_jump=1), {**WAY, "pauses": 3}) == ["implausible_jump: 1"]
+    blind = {**WAY, "pauses": 3, "blind": 1}
+    assert problems(report(implausible_jump=1), blind) == []
+    assert problems(report(counter_lost=1), blind) == ["counter_lost: 1"]
 
 
 def test_frames_that_the_ecus_kernel_threw_away_are_told():

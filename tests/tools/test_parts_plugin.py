@@ -45,10 +45,15 @@ def parts(tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize("workers", [(), ("-n", "2")], ids=["alone", "with workers"])
-def test_failures_of_an_earlier_part_are_counted_listed_and_fail_the_last(parts, workers):
-    first = run_pytest(parts, parts / "early.py", f"--part-out={parts / 'early.json'}")
-    last = run_pytest(parts, parts / "fine.py", f"--part-in={parts / 'early.json'}", *workers)
+WORKERS = [(), ("-n", "2")]
+
+
+@pytest.mark.parametrize(
+    ("early", "late"), [WORKERS, WORKERS[::-1]], ids=["with late workers", "with early ones"]
+)
+def test_failures_of_an_earlier_part_are_counted_listed_and_fail_the_last(parts, early, late):
+    first = run_pytest(parts, parts / "early.py", f"--part-out={parts / 'early.json'}", *early)
+    last = run_pytest(parts, parts / "fine.py", f"--part-in={parts / 'early.json'}", *late)
     assert first.returncode == 1
     assert last.returncode == 1
     assert "1 failed, 3 passed, 1 skipped, 1 error in" in last.stdout.splitlines()[-1]

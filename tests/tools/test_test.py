@@ -46,20 +46,54 @@ def test_a_vcan_part_that_broke_off_is_a_problem(tool, tmp_path):
     assert tool.not_run(tmp_path / "absent.json") == "the part on vcan did not come to its end"
 
 
+class Part:
+    """A part that has run."""
+
+    def __init__(self, status):
+        self.status = status
+
+    def wait(self):
+        return self.status
+
+
+@pytest.fixture
+def ends_with(tool, monkeypatch):
+    """Let the parts end with these statuses, in the order they are started."""
+
+    def let(*statuses):
+        left = iter(statuses)
+        monkeypatch.setattr(tool, "start", lambda *_: Part(next(left)))
+        monkeypatch.setattr(tool, "build_ecu", lambda: None)
+        monkeypatch.setattr(tool.sys, "argv", ["test.py"])
+        return tool
+
+    return let
+
+
 @pytest.mark.parametrize(
     ("statuses", "expected"),
     [([0, 0, 0], 0), ([1, 0, 0], 1), ([0, 1, 0], 1), ([0, 0, 1], 1), ([3, 0, 0], 3), ([5, 0, 0], 5)],
     ids=str,
 )
-def test_every_part_that_fails_fails_the_whole(tool, monkeypatch, statuses, expected):
-    left = iter(statuses)
-    monkeypatch.setattr(tool, "run", lambda *_: next(left))
+def test_every_part_that_fails_fails_the_whole(ends_with, monkeypatch, statuses, expected):
+    tool = ends_with(*statuses)
     monkeypatch.setattr(tool, "not_run", lambda part: "")
-    monkeypatch.setattr(tool.sys, "argv", ["test.py"])
     assert tool.main() == expected
 
 
-def test_vcan_tests_that_did_not_run_fail_the_whole_though_pytest_is_content(tool, monkeypatch):
-    monkeypatch.setattr(tool, "run", lambda *_: 0)
-    monkeypatch.setattr(tool.sys, "argv", ["test.py"])
-    assert tool.main() == 1
+def test_vcan_tests_that_did_not_run_fail_the_whole_though_pytest_is_content(ends_with):
+    assert ends_with(0, 0, 0).main() == 1
+
+
+def test_what_was_said_on_vcan_is_shown_though_it_ran_beside_the_rest(ends_with, monkeypatch, capsys):
+    tool = ends_with(0, 0, 0)
+    quiet = tool.start
+
+    def start(before, arguments, output=None):
+        if output:
+            output.write("3 failed there")
+        return quiet()
+
+    monkeypatch.setattr(tool, "start", start)
+    tool.main()
+    assert "3 failed there" in capsys.readouterr().out

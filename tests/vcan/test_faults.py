@@ -3,11 +3,11 @@
 import json
 import signal
 import subprocess
-import sys
 
 import pytest
 
 from tests.ecu.building import built_ecu, found
+from tests.vcan.programs import ran
 
 pytestmark = pytest.mark.vcan
 
@@ -38,13 +38,7 @@ def test_the_ecu_finds_on_the_bus_what_was_injected():
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as ecu:
         try:
             assert ecu.stderr.readline() == "ecu: listening on vcan1\n"
-            done = subprocess.run(
-                [sys.executable, "-m", "vsensor.cli", *words],
-                capture_output=True,
-                text=True,
-                timeout=120,
-                check=False,
-            )
+            done = ran("vsensor.cli", *words)
             ecu.send_signal(signal.SIGTERM)
             report = json.loads(ecu.communicate(timeout=20)[0])
         finally:

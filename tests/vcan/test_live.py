@@ -2,12 +2,11 @@
 
 import re
 import signal
-import subprocess
-import sys
 import time
 
 import pytest
 
+from tests.vcan.programs import Program
 from tests.vehicle_frames import Gateway
 from vsensor.bus import open_bus
 from vsensor.config import SHIPPED
@@ -60,19 +59,15 @@ def conversation(tmp_path_factory):
     folder = tmp_path_factory.mktemp("live")
     scenario = folder / "live.toml"
     scenario.write_text(SCENARIO)
-    command = [sys.executable, "-m", "vsensor.cli", "run", scenario, "--bus", "socketcan:vcan0"]
-    with open_bus("socketcan:vcan0") as bus:
+    words = ["run", scenario, "--bus", "socketcan:vcan0"]
+    with open_bus("socketcan:vcan0") as bus, Program("vsensor.cli", *words) as program:
         peer = Peer(bus)
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        try:
-            peer.until(SensorMode.DEGRADED, sending=False)
-            for mode, sending in (("AVAILABLE", True), ("DEGRADED", False), ("AVAILABLE", True)):
-                peer.until(SensorMode[mode], sending=sending)
-            process.send_signal(signal.SIGINT)
-            out, err = process.communicate(timeout=LONGEST_S)
-        finally:
-            process.kill()
-    return peer, out, err
+        peer.until(SensorMode.DEGRADED, sending=False)
+        for mode, sending in (("AVAILABLE", True), ("DEGRADED", False), ("AVAILABLE", True)):
+            peer.until(SensorMode[mode], sending=sending)
+        program.send_signal(signal.SIGINT)
+        done = program.ended(LONGEST_S)
+    return peer, done.stdout, done.stderr
 
 
 def test_the_sensor_is_degraded_until_motion_comes_while_it_stays_away_and_no_longer(conversation):

@@ -1,14 +1,13 @@
 """`vsensor replay` on a real vcan: what candump, a program of others, sees is the log, in order, on time."""
 
 import subprocess
-import time
 
 import numpy as np
 import pytest
 
 from tests.accept.streams import found
 from tests.ecu import streams
-from tests.vcan.listening import candump
+from tests.vcan.listening import recorded
 from vsensor.bus import open_bus
 from vsensor.logs import frames_of, open_log_writer, read_log
 from vsensor.replay import ReplayOptions, replay_log
@@ -38,21 +37,10 @@ def steady(count, rate_hz, **kind):
     ]
 
 
-def settled(path):
-    """Wait until candump has written what it heard: its file has not grown for 0.3 s, 10 s at most."""
-    size, since = -1, time.monotonic()
-    deadline = since + 10
-    while time.monotonic() - since < 0.3 and time.monotonic() < deadline:
-        if path.stat().st_size != size:
-            size, since = path.stat().st_size, time.monotonic()
-        time.sleep(0.02)
-
-
 def seen_on(channel, path, played, **wishes):
     """Replay with candump beside it; returns the report and what candump saw."""
-    with path.open("w") as file, candump(channel, file):
+    with recorded(channel, path):
         report = replay_log(ReplayOptions(path=played, **wishes), lambda text: None)
-        settled(path)
     return report, read_log(path)
 
 
@@ -105,9 +93,8 @@ def test_two_channels_go_to_two_interfaces(tmp_path):
     frames = [Frame(due_ns=k * MS, arbitration_id=0x100 + k, data=b"", channel=k % 2) for k in range(60)]
     log = write(tmp_path / "two.log", frames)
     buses = ("can0=socketcan:vcan0", "can1=socketcan:vcan1")
-    with (tmp_path / "one.log").open("w") as one, candump("vcan1", one):
+    with recorded("vcan1", tmp_path / "one.log"):
         _, zero = seen_on("vcan0", tmp_path / "zero.log", log, map=buses)
-        settled(tmp_path / "one.log")
     assert zero.arbitration_id.tolist() == list(range(0x100, 0x13C, 2))
     assert read_log(tmp_path / "one.log").arbitration_id.tolist() == list(range(0x101, 0x13C, 2))
 
@@ -123,9 +110,8 @@ def test_a_replay_waits_for_a_frame_of_somebody_else(tmp_path):
         return len(asked) > 10_000
 
     options = ReplayOptions(path=log, bus="socketcan:vcan1", wait_for="0x321")
-    with (tmp_path / "seen.log").open("w") as file, candump("vcan1", file):
+    with recorded("vcan1", tmp_path / "seen.log"):
         report = replay_log(options, lambda text: None, stopped)
-        settled(tmp_path / "seen.log")
     assert (report.frames_sent, report.interrupted) == (5, False)
     seen = read_log(tmp_path / "seen.log").arbitration_id.tolist()
     assert seen == [0x321, *(0x100 + k for k in range(5))]

@@ -3,11 +3,11 @@
 import re
 import signal
 import subprocess
-import sys
 import time
 
 import pytest
 
+from tests.vcan.programs import Program
 from vsensor.bus import open_bus
 from vsensor.types import Frame
 
@@ -23,10 +23,9 @@ def ip(*words):
 @pytest.fixture
 def vcan2():
     """A vcan of this test's own: it may be taken away, and nothing of an earlier test is still under way."""
-    ip("add", "vcan2", "type", "vcan")
-    ip("set", "vcan2", "up")
+    ip("add", "vcan2", "up", "type", "vcan")
     yield "vcan2"
-    subprocess.run(["ip", "link", "del", "vcan2"], capture_output=True, check=False)
+    ip("del", "vcan2")
 
 
 @pytest.fixture
@@ -64,8 +63,7 @@ def test_an_interface_that_vanished_and_came_back_takes_the_first_cycle(bus, vca
     assert cycle(bus) == 3
     ip("del", vcan2)
     assert [cycle(bus) for _ in range(3)] == [0, 0, 0]
-    ip("add", vcan2, "type", "vcan")
-    ip("set", vcan2, "up")
+    ip("add", vcan2, "up", "type", "vcan")
     assert cycle(bus) == 3
     assert len(bus.said) == 2
 
@@ -124,9 +122,8 @@ def test_a_listener_that_does_not_read_holds_nobody_up_and_knows_what_it_lost(bu
 
 def test_a_run_goes_on_through_an_outage_says_so_twice_and_sends_nothing_twice(vcan2, tmp_path):
     log = tmp_path / "seen.log"
-    command = [sys.executable, "-m", "vsensor.cli", "run", "--bus", f"socketcan:{vcan2}", "--quiet"]
-    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    with subprocess.Popen([*command, "--log", log], **streams) as run:
+    words = ["run", "--bus", f"socketcan:{vcan2}", "--quiet", "--log", log]
+    with Program("vsensor.cli", *words) as run:
         while "drive from" not in (line := run.stderr.readline()):
             assert line
         wait_for_lines(log, 100)
@@ -136,9 +133,8 @@ def test_a_run_goes_on_through_an_outage_says_so_twice_and_sends_nothing_twice(v
         assert "is back after" in run.stderr.readline()
         wait_for_lines(log, 100, beyond=log.stat().st_size)
         run.send_signal(signal.SIGINT)
-        out, rest = run.communicate(timeout=60)
-    assert run.returncode == 130
-    assert rest == ""
+        status, out, rest = run.ended()
+    assert (status, rest) == (130, "")
     assert re.search(r"refused \d+ frames in 1 outage, longest \d+\.\d\d s: \d+ x Network is down", out)
     assert "Traceback" not in out
     sent = int(re.search(r"frames sent (\d+)", out)[1])

@@ -8,6 +8,7 @@ the trace), how regularly vsensor sent. Exit status 1 where the ECU found an err
 
 import argparse
 import json
+import math
 import os
 import subprocess
 import sys
@@ -74,6 +75,7 @@ def kept(trace_file: Path, seconds: float, half_width_m: float) -> dict[str, flo
     return {
         "slots_dropped": int(missing.sum()),
         "pauses": int((missing >= PAUSE_SLOTS).sum()),
+        "blind": len(blind),
         "judged_s": float(t_s[-1]),
         "margin_m": float(np.nanmin(offsets_m)) - half_width_m,
         "driven_m": float((speed_mps[1:] * np.diff(t_s)).sum()),
@@ -81,17 +83,24 @@ def kept(trace_file: Path, seconds: float, half_width_m: float) -> dict[str, flo
     }
 
 
-def problems(report: dict[str, object], way: dict[str, float]) -> list[str]:
-    """Return what is not as it should be, as sentences.
+def unexcused(report: dict[str, object], way: dict[str, float]) -> dict[str, int]:
+    """Return what the ECU found in the frames and ought not to, name -> count.
 
-    A timeout is right where vsensor dropped slots in a row (a machine that had no time for it): `pauses`.
+    On a machine that had no time for it vsensor dropped slots. Where it dropped some in a row (`pauses`) a
+    timeout is right; where the ECU was `blind` nobody steered, and lines move as no driver would let them.
     """
     errors: dict[str, int] = report["errors"]  # type: ignore[assignment]
-    found = []
-    for name, count in errors.items():
-        allowed = MESSAGES * way["pauses"] if name == "timeout" else 0
-        if name not in PERIODS and count > allowed:
-            found.append(f"{name}: {count}")
+    allowed = {
+        **dict.fromkeys(PERIODS, math.inf),
+        "timeout": MESSAGES * way["pauses"],
+        "implausible_jump": math.inf if way["blind"] else 0,
+    }
+    return {name: count for name, count in errors.items() if count > allowed.get(name, 0)}
+
+
+def problems(report: dict[str, object], way: dict[str, float]) -> list[str]:
+    """Return what is not as it should be, as sentences."""
+    found = [f"{name}: {count}" for name, count in unexcused(report, way).items()]
     if report["frames_overrun"]:
         found.append(f"frames_overrun: {report['frames_overrun']}")
     if way["margin_m"] <= 0:
