@@ -1,9 +1,8 @@
 """candump beside a test: it hears every frame that is sent inside the block."""
 
-import os
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
@@ -18,13 +17,11 @@ END = "7FF#656E64"
 @contextmanager
 def candump(channel: str, stdout: int | IO[Any] = subprocess.PIPE) -> Iterator[subprocess.Popen[str]]:
     """Run `candump -L channel` while the block runs."""
-    before = _receivers(channel)
+    before = receivers(channel)
     command = ["candump", "-L", "-r", str(ROOM_BYTES), channel]
     with subprocess.Popen(command, stdout=stdout, text=True) as process:
         try:
-            while _receivers(channel) <= before:  # an open socket is not yet bound
-                assert process.poll() is None, "candump ended"
-                time.sleep(0.005)
+            wait_for(lambda: receivers(channel) > before)
             yield process
         finally:
             process.terminate()
@@ -36,27 +33,24 @@ def recorded(channel: str, path: Path) -> Iterator[None]:
     with path.open("w") as file, candump(channel, file):
         yield
         subprocess.run(["cansend", channel, END], check=True)
-        deadline = time.monotonic() + LONGEST_S
-        while not (text := path.read_text()).endswith(f"{END}\n"):
-            assert time.monotonic() < deadline, "candump writes no more"
-            time.sleep(0.05)
-    path.write_text("".join(line for line in text.splitlines(keepends=True) if END not in line))
+        wait_for(lambda: path.read_text().endswith(f"{END}\n"))
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join(line for line in lines if END not in line))
 
 
-def has_socket(pid: int) -> bool:
-    """Return whether a process has a socket open."""
-    folder = f"/proc/{pid}/fd"
-    return any("socket:" in _target(f"{folder}/{name}") for name in os.listdir(folder))
-
-
-def _receivers(channel: str) -> int:
-    """Return how many sockets hear every frame of an interface."""
+def receivers(channel: str) -> int:
+    """Return how many sockets hear every frame of an interface: an open one is not bound yet."""
     return Path("/proc/net/can/rcvlist_all").read_text().split().count(channel)
 
 
-def _target(link: str) -> str:
-    """Return what an open file is; "" for one that was closed while we looked."""
-    try:
-        return os.readlink(link)
-    except FileNotFoundError:
-        return ""
+def wait_for_frames(log: Path, count: int, beyond: int = 0) -> None:
+    """Wait until a candump log has so many more frames than `beyond` bytes; each takes some 40."""
+    wait_for(lambda: log.exists() and log.stat().st_size >= beyond + 40 * count)
+
+
+def wait_for(happened: Callable[[], bool]) -> None:
+    """Wait until something has happened, much longer than it takes on a machine with time for it."""
+    deadline = time.monotonic() + LONGEST_S
+    while not happened():
+        assert time.monotonic() < deadline, "it never happened"
+        time.sleep(0.02)  # one processor for all

@@ -2,7 +2,7 @@
 
 In user-mode Linux the imports of a program take longer than most tests. A child is a process of its own: it
 does what `python -m MODULE WORDS...` does, has its own output and signals, and ends with its own status. That
-`vsensor` starts by itself as well, test_closed_loop.py shows.
+`vsensor` starts by itself as well, a command of README on vcan shows (tests/test_readme.py).
 """
 
 import multiprocessing
@@ -63,7 +63,7 @@ class Program:
         """Send a signal."""
         os.kill(self.process.pid, number)
 
-    def ended(self, timeout_s: float = 120.0) -> Done:
+    def ended(self, timeout_s: float = 240.0) -> Done:
         """Wait for its end; after `timeout_s` it is killed."""
         watchdog = Timer(timeout_s, self.process.kill)
         watchdog.start()

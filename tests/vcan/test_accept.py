@@ -4,12 +4,11 @@ import json
 import re
 import signal
 import subprocess
-import time
 from pathlib import Path
 
 import pytest
 
-from tests.vcan.listening import has_socket
+from tests.vcan.listening import receivers, wait_for
 from tests.vcan.programs import Program, ran
 
 pytestmark = pytest.mark.vcan
@@ -55,18 +54,11 @@ def test_the_stream_of_a_run_is_accepted_while_it_is_sent(sender, tmp_path):
 def test_ctrl_c_ends_the_listening_and_judges(tmp_path):
     report = Path(tmp_path / "verdict.json")
     words = ["accept", "--bus", "socketcan:vcan0", "--profile", "vehicle", "--json", report]
+    before = receivers("vcan0")
     with Program("vsensor.cli", *words) as program:
-        _wait_for_a_socket(program)
+        wait_for(lambda: receivers("vcan0") > before)
         program.send_signal(signal.SIGINT)
         done = program.ended()
     assert done.returncode == 1  # what the vehicle sends is not there
     findings = json.loads(report.read_text())["verdicts"][0]["findings"]
     assert done.stdout.count("never_heard") == len(findings) > 0
-
-
-def _wait_for_a_socket(program):
-    deadline = time.monotonic() + 60
-    while not has_socket(program.process.pid):
-        assert program.process.is_alive()
-        assert time.monotonic() < deadline
-        time.sleep(0.1)  # one processor for all

@@ -67,11 +67,17 @@ def ended(process):
 
 
 def heard(frames):
-    """Return the report on frames sent in real time, as soon as the last one is over."""
-    with ecu() as process:
-        longest_ms = send(frames)
-        report = ended(process)
-    report["paused"] = longest_ms > 130  # it waits for three cycles and a half, 140 ms
+    """Return the report on frames sent in real time, as soon as the last one is over.
+
+    Where this machine stood still for as long as the ECU waits, they are sent again, some times.
+    """
+    for _ in range(5):
+        with ecu() as process:
+            longest_ms = send(frames)
+            report = ended(process)
+        report["paused"] = longest_ms > 130  # it waits for three cycles and a half, 140 ms
+        if not report["paused"]:
+            break
     return report
 
 

@@ -16,6 +16,7 @@ from vsensor.types import SensorMode
 pytestmark = pytest.mark.vcan
 LONGEST_S = 30.0  # some 4 s are needed; a machine under load takes longer
 SPEED_MPS = 25.0
+TIMEOUT_S = 0.3
 
 SCENARIO = f"""
 schema = "vsensor.scenario/1"
@@ -25,7 +26,7 @@ road = "1"
 lane = -3
 control = "motion"
 [listen]
-timeout_ms = 300
+timeout_ms = {1000 * TIMEOUT_S:.0f}
 """
 
 
@@ -36,13 +37,17 @@ class Peer:
         self.bus, self.gateway, self.native = bus, Gateway(), load_profile("native")
         self.modes = []
         self.sent = self.heard = 0
+        self.longest_s = 0.0  # between two frames of motion, while it is to send them
 
     def until(self, mode, *, sending):
         """Go on until the sensor says this state; fails after LONGEST_S."""
-        last = time.monotonic() + LONGEST_S
+        last = sent_s = time.monotonic()
+        last += LONGEST_S
         while not self.modes or self.modes[-1] is not mode:
             assert time.monotonic() < last, f"{mode.name} never came: {self.modes}"
             if sending:
+                sent_s, before_s = time.monotonic(), sent_s
+                self.longest_s = max(self.longest_s, sent_s - before_s)
                 self.sent += self.bus.send(self.gateway.motion(0, SPEED_MPS, 0.0))
             for frame in self.bus.drain():
                 values = self.native.decode(frame, check=True) or {}
@@ -72,14 +77,11 @@ def conversation(tmp_path_factory):
 
 def test_the_sensor_is_degraded_until_motion_comes_while_it_stays_away_and_no_longer(conversation):
     peer, out, err = conversation
-    assert peer.modes == [
-        SensorMode.INIT,
-        SensorMode.DEGRADED,
-        SensorMode.AVAILABLE,
-        SensorMode.DEGRADED,
-        SensorMode.AVAILABLE,
-    ], err
-    assert "ego.speed_mps was missing once" in out
+    assert peer.modes[:3] == [SensorMode.INIT, SensorMode.DEGRADED, SensorMode.AVAILABLE], err
+    assert "ego.speed_mps was missing" in out
+    if peer.longest_s < TIMEOUT_S / 2:  # else this machine stood still, and motion did stay away
+        assert peer.modes[3:] == [SensorMode.DEGRADED, SensorMode.AVAILABLE]
+        assert "ego.speed_mps was missing once" in out
 
 
 def test_every_frame_of_motion_was_heard_decoded_and_checked(conversation):

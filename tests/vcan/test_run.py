@@ -3,12 +3,11 @@
 import json
 import re
 import signal
-import time
 from pathlib import Path
 
 import pytest
 
-from tests.vcan.listening import recorded
+from tests.vcan.listening import recorded, wait_for_frames
 from tests.vcan.programs import Program, ran
 
 REPOSITORY = Path(__file__).parents[2]
@@ -103,8 +102,7 @@ def test_without_a_bus_vcan0_is_taken_where_it_is_up(a_run):
 def test_sigint_ends_the_run_with_its_summary_and_a_readable_log(tmp_path):
     log = tmp_path / "out.log"
     with Program("vsensor.cli", "run", "--bus", "socketcan:vcan1", "--log", log) as program:
-        assert "sending on" in program.stderr.readline()
-        time.sleep(1.0)
+        wait_for_frames(log, 300)
         program.send_signal(signal.SIGINT)
         done = program.ended()
     assert done.returncode == 130

@@ -7,6 +7,7 @@ import time
 
 import pytest
 
+from tests.vcan.listening import wait_for_frames
 from tests.vcan.programs import Program
 from vsensor.bus import open_bus
 from vsensor.types import Frame
@@ -126,12 +127,12 @@ def test_a_run_goes_on_through_an_outage_says_so_twice_and_sends_nothing_twice(v
     with Program("vsensor.cli", *words) as run:
         while "drive from" not in (line := run.stderr.readline()):
             assert line
-        wait_for_lines(log, 100)
+        wait_for_frames(log, 100)
         ip("set", vcan2, "down")
         assert "ENETDOWN" in run.stderr.readline()
         ip("set", vcan2, "up")
         assert "is back after" in run.stderr.readline()
-        wait_for_lines(log, 100, beyond=log.stat().st_size)
+        wait_for_frames(log, 100, beyond=log.stat().st_size)
         run.send_signal(signal.SIGINT)
         status, out, rest = run.ended()
     assert (status, rest) == (130, "")
@@ -148,11 +149,3 @@ def eventually(read, count):
     while len(found) < count and time.monotonic() < deadline:
         found += read()
     return found
-
-
-def wait_for_lines(log, count, beyond=0):
-    """Wait until a growing file has `count` more lines; each takes some 40 bytes."""
-    deadline = time.monotonic() + PATIENCE_S
-    while log.stat().st_size < beyond + 40 * count:
-        assert time.monotonic() < deadline, "nothing arrives"
-        time.sleep(0.02)

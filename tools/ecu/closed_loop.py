@@ -13,6 +13,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -39,18 +40,29 @@ def built(folder: Path) -> Path:
     return folder / "ecu"
 
 
-def drive(ecu: Path, seconds: float, scenario: Path, folder: Path) -> dict[str, object]:
-    """Run the closed loop on vcan0 and return the ECU's report; the trace is `folder`/loop.npz."""
+def vsensor(*words: object) -> str:
+    """Run `vsensor` with these words and return what it said; raises CalledProcessError."""
+    command = [sys.executable, "-m", "vsensor.cli", *map(str, words)]
+    return subprocess.run(command, check=True, cwd=ROOT, stdout=subprocess.PIPE, text=True).stdout
+
+
+def drive(
+    ecu: Path, seconds: float, scenario: Path, folder: Path, run: Callable[..., str] = vsensor
+) -> dict[str, object]:
+    """Run the closed loop on vcan0 and return the ECU's report, in `vsensor` what that said at its end.
+
+    The trace is `folder`/loop.npz. `run` takes the words of vsensor's command line and does what it does.
+    """
     listens = [ecu, "--bus", "vcan0", "--duration", str(seconds)]
-    runs = [sys.executable, "-m", "vsensor.cli", "run", scenario, "--bus", "socketcan:vcan0", "--quiet"]
-    runs += ["--duration", str(seconds + LONGER_S), "--trace", folder / "loop.npz"]
+    words = ["run", scenario, "--bus", "socketcan:vcan0", "--quiet"]
+    words += ["--duration", seconds + LONGER_S, "--trace", folder / "loop.npz"]
     pipe = subprocess.PIPE
     with subprocess.Popen(listens, stdout=pipe, stderr=pipe, text=True) as process:
         try:
             if "listening" not in (said := process.stderr.readline()):
                 raise SystemExit(said.strip())
-            subprocess.run(runs, check=True, cwd=ROOT, stdout=subprocess.DEVNULL)
-            return dict(json.loads(process.communicate(timeout=60)[0]))
+            summary = run(*words)
+            return {**json.loads(process.communicate(timeout=60)[0]), "vsensor": summary}
         finally:
             process.kill()
 
