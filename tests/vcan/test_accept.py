@@ -23,6 +23,9 @@ schema = "vsensor.accept/1"
 jitter_ms = 3000.0
 burst_ms = 200.0
 frozen_ms = 3000.0
+
+[allow]
+wrong_cycle = 1000
 """
 
 
