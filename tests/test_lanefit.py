@@ -10,7 +10,15 @@ from tests.lines import line_points
 from vsensor.lanefit import LaneFitConfig, fit, fit_lines
 
 ANY = {"min_points": 2, "min_length_m": 0.0} | dict.fromkeys(
-    ("max_std_at_ego_m", "max_offset_m", "max_slope", "max_curvature_per_m", "max_misfit_m"), 1e12
+    (
+        "max_std_at_ego_m",
+        "max_offset_m",
+        "max_slope",
+        "max_curvature_per_m",
+        "max_misfit_m",
+        "max_misfit_at_ego_m",
+    ),
+    1e12,
 )
 X_M = np.arange(5.0, 105.0, 0.1)
 CUBIC = np.array([1.75, 0.01, 2e-4, -1e-6])
@@ -272,6 +280,43 @@ def test_a_line_around_a_corner_is_reported_only_as_far_as_a_cubic_follows_it(at
     assert found.points == used.sum()
     best = np.polynomial.polynomial.polyfit(X_M[used], y[used], 3)
     np.testing.assert_allclose(found.y_at(at_m), polynomial(best, at_m), atol=1e-9)
+
+
+def bend(radius_m, from_m):
+    """A line that is straight up to a place and goes on as a circle; seen from 6 m on."""
+    x = np.arange(6.0, from_m + 0.8 * radius_m, 0.1)
+    return x, 1.75 + radius_m - np.sqrt(radius_m**2 - np.maximum(x - from_m, 0.0) ** 2)
+
+
+@pytest.mark.parametrize("from_m", [20.0, 25.0, 30.0])
+@pytest.mark.parametrize("radius_m", [16.0, 20.0, 30.0])
+def test_a_line_that_goes_into_a_bend_is_right_beside_the_vehicle(radius_m, from_m):
+    x, y = bend(radius_m, from_m)
+    anywhere, found = (
+        fitted(x, y, max_misfit_m=0.15),
+        fitted(x, y, max_misfit_m=0.15, max_misfit_at_ego_m=0.5),
+    )
+    assert abs(anywhere.y_at(0.0) - 1.75) > 0.5
+    assert abs(found.y_at(0.0) - 1.75) < 0.3
+    assert from_m - 5.0 < found.x_max_m < anywhere.x_max_m
+
+
+def test_a_misfit_of_the_next_order_is_as_large_at_the_vehicle_as_it_is_taken_to_be():
+    t = (X_M - 55.0) / 50.0
+    quartic, quartic_at_ego = (np.polynomial.legendre.legval(at, [0, 0, 0, 0, 1]) for at in (t, -1.1))
+    found = fitted(X_M, polynomial(CUBIC, X_M) + quartic)
+    wrong_m = abs(found.y_at(0.0) - CUBIC[0] - quartic_at_ego)
+    assert wrong_m > 2.0
+    at_ego_m = dict(max_misfit_at_ego_m=1.01 * wrong_m), dict(max_misfit_at_ego_m=0.97 * wrong_m)
+    whole, shorter = (fitted(X_M, polynomial(CUBIC, X_M) + quartic, **limit) for limit in at_ego_m)
+    assert whole.x_max_m == X_M[-1]
+    assert shorter.x_max_m < X_M[-1]
+
+
+def test_a_line_that_begins_far_ahead_is_not_shortened_for_what_nobody_reads():
+    x, y = bend(60.0, 20.0)
+    far = x > 25.0
+    assert fitted(x[far], y[far], max_misfit_at_ego_m=1e-6).x_max_m == x[-1]
 
 
 def test_a_line_that_a_cubic_follows_keeps_its_whole_range():

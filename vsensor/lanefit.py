@@ -6,7 +6,7 @@ coefficients and covariance ──► powers of x, by the binomial theorem, in c
 """
 
 from itertools import pairwise
-from math import comb, hypot, sqrt
+from math import comb, sqrt
 from typing import Annotated, Literal
 
 import msgspec
@@ -21,6 +21,10 @@ UNRESOLVED = 1e-9
 """A basis polynomial whose part outside the lower ones is below this fraction is not resolved."""
 NEAR_M = 5.0
 """Weighting "range": the standard deviation grows as hypot(5 m, x), as the pixel grid's does."""
+SMOOTH_M = 0.02
+"""Misfit that smooth errors of the error model leave, which no shorter fit makes smaller."""
+NEAREST_M = 15.0
+"""Nobody reads y at x = 0 of a line that begins farther ahead or is shorter than twice the way to it."""
 ONE_THREAD = 8000
 """Entries of a matrix that OpenBLAS (from 8192) gives to several threads: on a busy machine that
 costs 5 ms a fit, and the last digits then depend on the number of cores."""
@@ -55,7 +59,9 @@ class LaneFitConfig(Config, frozen=True, kw_only=True):
     no road has: `max_offset_m`, `max_slope`, `max_curvature_per_m`, all at x = 0.
     Where the polynomial passes the points by more than `max_misfit_m` (root mean square, beyond what
     their noise explains) the line bends in a way that it cannot follow, as behind a corner: the fit
-    then ends nearer, where it can. Smooth errors of the error model leave less than 0.02 m.
+    then ends nearer, where it can. So it does where what it misses ahead moves y at the vehicle, which
+    is not seen, by more than `max_misfit_at_ego_m`: a cubic through a straight and the bend behind it may
+    be near all points and pass the vehicle by metres.
     """
 
     order: Annotated[int, msgspec.Meta(ge=1, le=MAX_ORDER)] = 3
@@ -67,6 +73,7 @@ class LaneFitConfig(Config, frozen=True, kw_only=True):
     max_curvature_per_m: Annotated[float, msgspec.Meta(gt=0.0, le=1e12)] = 0.2
     min_length_m: Annotated[float, msgspec.Meta(ge=0.0, le=100.0)] = 3.0
     max_misfit_m: Annotated[float, msgspec.Meta(gt=0.0, le=1e12)] = 0.15
+    max_misfit_at_ego_m: Annotated[float, msgspec.Meta(gt=0.0, le=1e12)] = 0.5
 
 
 def fit_lines(config: LaneFitConfig, lines: LinePoints, sigma_y_m: Array) -> tuple[Fit | None, ...]:
@@ -111,12 +118,36 @@ def operator(config: LaneFitConfig, x_m: Array) -> Array:
 
 def _followed(config: LaneFitConfig, found: Fit, sigma_y_m: Array) -> float:
     """Return the share of its length on which a fit may follow its line; the misfit grows as length^4."""
-    if not found.residual_std_m > config.max_misfit_m:  # NaN: as many coefficients as points
+    if not found.residual_std_m > SMOOTH_M:  # NaN: as many coefficients as points
         return 1.0
-    limit = hypot(config.max_misfit_m, _noise_m(sigma_y_m, None))
-    if found.residual_std_m <= limit:
-        return 1.0
-    return min(max(sqrt(sqrt(limit / found.residual_std_m)), 0.5), 0.9)
+    misfit_m = _beyond(found.residual_std_m, _noise_m(sigma_y_m, None))
+    at_ego_m = _beyond(misfit_m, SMOOTH_M) * _lever(found) if _is_near(found) else 0.0
+    too_large = max(misfit_m / config.max_misfit_m, at_ego_m / config.max_misfit_at_ego_m)
+    return 1.0 if too_large <= 1.0 else min(max(too_large**-0.25, 0.5), 0.9)
+
+
+def _beyond(rms: float, known: float) -> float:
+    """Return what is left of a root mean square without a known part of it."""
+    return sqrt(max(rms * rms - known * known, 0.0))
+
+
+def _is_near(found: Fit) -> bool:
+    """Return whether the polynomial says where the line is beside the vehicle."""
+    return found.x_min_m <= min(NEAREST_M, 0.5 * (found.x_max_m - found.x_min_m))
+
+
+def _lever(found: Fit) -> float:
+    """Return how many times larger than its root mean square a misfit is at x = 0.
+
+    Of points all along a line, what a polynomial misses first is the Legendre polynomial one above its
+    order, P_n(t): 1 / sqrt(2 n + 1) in the mean on the seen length, and steep beyond it.
+    """
+    half = 0.5 * (found.x_max_m - found.x_min_m)
+    t, size = (found.x_min_m + half) / half, len(found.coefficients)
+    before, value = 1.0, t
+    for k in range(1, size):
+        before, value = value, ((2 * k + 1) * t * value - k * before) / (k + 1)
+    return abs(value) * sqrt(2 * size + 1)
 
 
 def _fit(config: LaneFitConfig, x_m: Array, y_m: Array, sigma_y_m: Array) -> Fit | None:

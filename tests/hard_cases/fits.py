@@ -14,7 +14,15 @@ from tests.hard_cases.exact import Row
 from vsensor.lanefit import LaneFitConfig, fit
 
 ANY = {"min_points": 2, "min_length_m": 0.0} | dict.fromkeys(
-    ("max_std_at_ego_m", "max_offset_m", "max_slope", "max_curvature_per_m", "max_misfit_m"), 1e12
+    (
+        "max_std_at_ego_m",
+        "max_offset_m",
+        "max_slope",
+        "max_curvature_per_m",
+        "max_misfit_m",
+        "max_misfit_at_ego_m",
+    ),
+    1e12,
 )
 SPANS_M = {"5 m at the vehicle": (0.0, 5.0), "5 m at 100 m": (95.0, 100.0), "200 m": (0.0, 200.0)}
 ORDERS = tuple(range(1, 10))

@@ -116,7 +116,14 @@ def any_sections(rng):
     }
 
 
-LIMITS = ("max_std_at_ego_m", "max_offset_m", "max_slope", "max_curvature_per_m", "max_misfit_m")
+LIMITS = (
+    "max_std_at_ego_m",
+    "max_offset_m",
+    "max_slope",
+    "max_curvature_per_m",
+    "max_misfit_m",
+    "max_misfit_at_ego_m",
+)
 
 
 def drive_anything(seed):
