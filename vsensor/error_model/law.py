@@ -17,7 +17,6 @@ from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
-from scipy.ndimage import distance_transform_edt
 from scipy.special import ndtri
 
 from vsensor.error_model.chain import stationary
@@ -175,6 +174,8 @@ def _place(level: float, model: ErrorModel, where: str) -> int:
 def table_on(grid_m: Array, model: ErrorModel, surfaces_m: Array) -> Array:
     """Return surfaces (S, R, V) as a table (V, S, G); blind cells have the nearest cell's values."""
     if model.blind.any():
+        from scipy.ndimage import distance_transform_edt  # 0.2 s to import: only such a model pays for it
+
         steps = (1.0, 2.0)  # of two cells as near the one at the same speed
         place = distance_transform_edt(model.blind, steps, return_distances=False, return_indices=True)
         surfaces_m = surfaces_m[:, place[0], place[1]]
