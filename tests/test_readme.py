@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from tests.vehicle_frames import Gateway
 from vsensor.cli import main
 from vsensor.config import SHIPPED, ScenarioConfig
 from vsensor.sinks.trace_file import COLUMNS, SCHEMA
@@ -63,13 +64,12 @@ def codes(text):
 
 def write_drive(path):
     """Write 8 s of vehicle.dbc's motion frames: 20 m/s, a gentle bend, as some logger would."""
-    motion = cantools.database.load_file(ROOT / "dbc" / "vehicle.dbc").get_message_by_name("VEH_Motion")
-    lines = []
+    gateway, lines = Gateway(), []
     for index in range(400):
-        values = {"VehicleSpeed": 72.0, "YawRate": 0.5, "MotionCrc": 0, "MotionCounter": index % 15}
-        known = {signal.name: values.get(signal.name, 0) for signal in motion.signals}
-        data = motion.encode(known).hex().upper()
-        lines.append(f"({1000 + index * 0.02:.6f}) can0 {motion.frame_id:03X}#{data}\n")
+        frame = gateway.motion(0, 20.0, np.radians(0.5))
+        lines.append(
+            f"({1000 + index * 0.02:.6f}) can0 {frame.arbitration_id:03X}#{frame.data.hex().upper()}\n"
+        )
     path.write_text("".join(lines))
 
 
@@ -120,6 +120,7 @@ def results(folder):
 
 OFFERED = (
     *("run", "check", "decode", "convert", "log", "score", "accept", "sweep", "replay", "gateway", "profile"),
+    *("scan", "table"),
 )
 VSENSOR = [command for command in commands() if command.startswith("vsensor ")]
 MAKE = [command for command in commands() if command.startswith("make ")]
@@ -257,6 +258,24 @@ def test_the_table_of_trace_columns_is_that_of_the_file():
     assert sorted(said) == sorted(COLUMNS)
 
 
+def test_the_columns_of_the_table_of_errors_are_those_of_the_program():
+    from vsensor.field.table import COLUMNS as ERRORS
+
+    said = [name for row in table("| column of the table | unit | what |") for name in codes(row[0])]
+    assert said == list(ERRORS)
+
+
+def test_the_limits_of_a_scan_are_those_of_the_program_with_their_defaults():
+    from vsensor.field.config import ScanLimits
+
+    said = {codes(row[0])[0]: row[1].strip("`") for row in table("| limit of a scan | default | what |")}
+    fields = msgspec.inspect.type_info(ScanLimits).fields
+    assert list(said) == [field.encode_name for field in fields]
+    for field in fields:
+        if field.encode_name != "vehicle":
+            assert tomllib.loads(f"x = {said[field.encode_name]}")["x"] == field.default
+
+
 def test_the_codes_of_the_trace_are_those_of_the_program():
     said = {codes(row[0])[0]: row[2] for row in table("| column of the trace | unit | what |")}
     sides = ", ".join(f"{side.value} {name.replace('_', ' ')}" for side, name in SIDE_NAMES.items())
@@ -269,10 +288,12 @@ def test_the_schemas_are_those_of_the_program():
     from vsensor.accept import SCHEMA as LIMITS
     from vsensor.config import SCHEMA as SCENARIO
     from vsensor.error_model import SCHEMA as ERROR_MODEL
+    from vsensor.field.config import SCHEMA as SCAN
+    from vsensor.field.table import SCHEMA as TABLE
     from vsensor.profile import SCHEMA as PROFILE
 
     said = {codes(row[1])[0] for row in table("| file | schema | what |")}
-    assert said == {SCENARIO, PROFILE, ERROR_MODEL, LIMITS, SCHEMA}
+    assert said == {SCENARIO, PROFILE, ERROR_MODEL, LIMITS, SCAN, TABLE, SCHEMA}
 
 
 def test_the_frame_table_has_the_messages_of_the_native_dbc_with_their_ids():

@@ -1,6 +1,7 @@
 """Many logs into one table: what is wrong is said in one line, the rest is scanned; the same scan goes on."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -147,6 +148,16 @@ def test_speeds_and_yaw_rates_that_are_not_available_are_counted_and_left_out(tm
     )
     rows = used(table.scan().collect())
     assert rows["speed_mps"].to_numpy() == pytest.approx(20.0, abs=0.01)
+
+
+def test_frames_of_the_vehicle_with_wrong_checksums_are_told_of(tmp_path):
+    frames = [
+        replace(frame, data=bytes([frame.data[0] ^ 1]) + frame.data[1:]) if _is_vehicle(frame) else frame
+        for frame in SHORT.frames()
+    ]
+    _write(tmp_path / "drive.log", frames)
+    with pytest.raises(LogError, match=r"VEH_Motion 0x100 .*; 250 frames of it are there, none with right"):
+        scan_log(tmp_path / "drive.log", "drive", tmp_path / "table", ScanOptions())
 
 
 def _without_speed(frame):

@@ -1,11 +1,12 @@
 """The bench's own claims: its scene is as described, its peers see what we see, its parts run."""
 
 import json
+import math
 
 import numpy as np
 import pytest
 
-from tools.bench import errors, frontier, growth, peers, pictures, reference
+from tools.bench import errors, frontier, growth, peers, pictures, reference, scans
 from tools.bench.__main__ import main
 from tools.bench.report import markdown
 from tools.bench.scene import boxes_in_view, reference_line, ticks_at
@@ -147,3 +148,14 @@ def test_an_unknown_section_is_refused(capsys):
     with pytest.raises(SystemExit):
         main(["--only", "demo,nothing"])
     assert "nothing" in capsys.readouterr().err
+
+
+def test_the_bench_of_scans_measures_cost_and_path_and_judges_both():
+    found = scans.scans(repeats=(1, 2), base_s=10.0, radii_m=(1000.0,), speeds_mps=(30.0,))
+    assert len(found["cost"]["times_real_time"]) == 2
+    assert {row["shape"] for row in found["path"]} == {"straight", "bend"}
+    speed, straight, bend = scans.targets(found)
+    assert speed[1] == "300 x real time"
+    assert straight[3]
+    assert math.isnan(float(bend[2].split()[0]))  # of R = 250 m nothing was measured here
+    assert "| 1000.0 | 30.0 | dithered |" in scans.page(found)

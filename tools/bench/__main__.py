@@ -18,6 +18,7 @@ from tools.bench import (
     pictures,
     reference,
     replay,
+    scans,
     timing,
 )
 from tools.bench.measure import ROOT, machine
@@ -25,7 +26,7 @@ from tools.bench.report import markdown
 
 SECTIONS = (
     *("demo", "fast", "encoding", "decoding", "errors", "vcan", "loop", "timing", "replay"),
-    *("reference", "frontier", "growth", "memory", "hard"),
+    *("reference", "frontier", "growth", "memory", "hard", "scan"),
 )
 
 
@@ -69,6 +70,7 @@ def main(words: list[str] | None = None) -> int:
         "growth": ("growth", growth.growth),
         "memory": ("memory", lambda: drives.memory(3600 if arguments.full else 600)),
         "hard": ("hard_cases", hard_cases),
+        "scan": ("scan", scans.scans),
     }
     report: dict[str, dict] = {"machine": machine()}
     for section, (key, work) in works.items():

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tools.bench import errors, loop, report_replay, report_timing
+from tools.bench import errors, loop, report_replay, report_timing, scans
 from tools.bench.tables import table
 
 Report = Mapping[str, Any]
@@ -211,6 +211,7 @@ TARGETS = {
     "reference": _reference,
     "occlusion": _occlusion,
     "memory": _memory,
+    "scan": scans.targets,
 }
 SECTIONS = {
     "demo_tick": lambda demo: "## The demo tick\n\n" + _stages(demo["stages_p50_ms"]),
@@ -221,4 +222,5 @@ SECTIONS = {
     "frontier": _frontier_page,
     "growth": _growth_page,
     "hard_cases": _hard_page,
+    "scan": scans.page,
 }

@@ -126,14 +126,31 @@ def _series(
             if any(binding.quantity == name for binding in plan.told)
         ]
         names = ", ".join(profile.name for profile in profiles)
-        where = f"looked for in {', '.join(looked)}" if looked else f"the profile {names} has none"
-        raise LogError(f"{path}: {name} not found; {where}; give the vehicle's profile too (--profile)")
+        if not looked:
+            raise LogError(
+                f"{path}: {name} not found; the profile {names} has none; give the vehicle's too (--profile)"
+            )
+        raise LogError(
+            f"{path}: {name} not found; looked for in {', '.join(looked)}{_why(frames, profiles, name)}"
+        )
     good = np.abs(values) <= LARGEST[name]
     if np.count_nonzero(good) < 2:
         raise LogError(f"{path}: {name} is not available in any of its {len(values)} frames")
     times, kept = times[good], values[good]
     order = np.argsort(times, kind="stable")
     return times[order], kept[order], len(values) - len(kept)
+
+
+def _why(frames: DecodedFrames, profiles: list[Profile], name: str) -> str:
+    """Say so if frames are there that should carry a quantity: then none of them was intact."""
+    ids = {
+        plan.layout.arbitration_id
+        for profile in profiles
+        for plan in profile.messages
+        if any(binding.quantity == name for binding in plan.told)
+    }
+    count = int(np.isin(frames.used.arbitration_id, list(ids)).sum())
+    return f"; {count} frames of it are there, none with right length and CRC" if count else ""
 
 
 def _silences(t_ns: IntArray, longest_s: float) -> IntArray:
