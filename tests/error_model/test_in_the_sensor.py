@@ -1,15 +1,17 @@
 """A model with everything fitted in a whole run: restarted, dropped slots, what is on the bus, night."""
 
+import dataclasses
 import pickle
 
 import numpy as np
 import pytest
 
-from tests.error_model.models import flat_model
+from tests.error_model.models import STD_M, flat_model
+from tests.vehicle_frames import Gateway
 from vsensor.config import load_scenario
 from vsensor.error_model import ErrorLibrary, Rule, library_of, save_library
 from vsensor.line import build_line
-from vsensor.types import SIDE_NAMES, Tick
+from vsensor.types import SIDE_NAMES, Light, Side, Tick
 
 LEVELS = np.linspace(0.0, 1.0, 11)
 PERIOD_NS = 40_000_000
@@ -36,11 +38,15 @@ def line_of(folder, library, **sections):
     return build_line(load_scenario("highway", given | sections))
 
 
-def run(line, ticks, state=None, first=0, drop=()):
-    """Return the last state and the outputs; the frames of the ticks in `drop` are not sent."""
+def run(line, ticks, state=None, first=0, drop=(), heard=None):
+    """Return the last state and the outputs; the frames of the ticks in `drop` are not sent.
+
+    `heard`: tick -> frames that come from the bus before it.
+    """
     state, found = state or line.initial_state(), []
     for index in range(first, first + ticks):
-        computed = line.compute(state, Tick(index=index, t_ns=index * PERIOD_NS, period_ns=PERIOD_NS))
+        tick = Tick(index=index, t_ns=index * PERIOD_NS, period_ns=PERIOD_NS)
+        computed = line.compute(state, tick, (heard or {}).get(index, ()))
         found.append(computed.output)
         state = computed.state_if_dropped if index in drop else computed.state_if_sent
     return state, found
@@ -112,3 +118,26 @@ def test_the_rule_is_asked_for_the_light_of_the_scene(tmp_path):
         np.interp(speed_mps, [0.0, 40.0], ends) for ends in ([30.0, 90.0], [30.0, 90.0], [10.0, 50.0])
     ]
     assert [range_m(light) for light in ("day", "dusk", "night")] == pytest.approx(expected)
+
+
+def test_when_night_falls_during_a_run_the_law_changes_and_nothing_jumps(tmp_path):
+    """The lamps go on at tick 20, heard on the bus; night is here only more forgetful, and loses lines."""
+    rule = (Rule(model="night", when={"night": True}), Rule(model="day", when={}))
+    day = flat_model(std_m=0.2 * STD_M)
+    night = lossy_model(std_m=0.2 * STD_M, correlation_time_s=0.2)
+    night = dataclasses.replace(night, region_range_m=np.zeros(0), region_speed_mps=np.zeros(0))
+    library = ErrorLibrary(source="", rule=rule, models={"day": day, "night": night})
+    line = line_of(tmp_path, library, listen={"profile": "vehicle"})
+    dark = Gateway().frame("VEH_Body", 19 * PERIOD_NS, low_beam=1.0)
+    lit = run(line, 60)[1]
+    dusk = run(line, 60, heard={20: (dark,)})[1]
+    nights = [output.snapshot.scene.environment.light is Light.NIGHT for output in dusk]
+    assert nights == [index >= 20 for index in range(60)]
+    assert reports(dusk[:20]) == reports(lit[:20])
+    assert not any(output.estimate.lost for output in lit)
+    assert not dusk[20].estimate.lost
+    assert any(output.estimate.lost for output in dusk[21:])
+    left = [output.estimate.on(Side.LEFT) for output in dusk]
+    y = np.array([np.nan if one is None else np.polyval(one.coefficients[::-1], 30.0) for one in left])
+    # 0.2 * 0.01 * (30 + 30) = 0.12 m of std; in one image AR(1) of 0.2 s moves by 0.6 of it: four times that
+    assert np.nanmax(np.abs(np.diff(y[15:26]))) < 4 * 0.6 * 0.12

@@ -33,7 +33,7 @@ from vsensor.error_model import (
     initial_state,
     model_of,
 )
-from vsensor.error_model.law import quantile
+from vsensor.error_model.law import quantile, range_grid
 from vsensor.error_model.rule import pick
 
 DEGREES = 5
@@ -148,6 +148,15 @@ def test_normal_scores_of_heavy_tailed_errors_are_ar1_with_the_correlation_time(
         assert abs(found - expected) < 4.0 * (1 - expected**2) / np.sqrt(COUNT)
 
 
+@pytest.mark.parametrize(("length_m", "widest_m"), [(20.0, 4.0), (200.0, 5.0)])
+def test_the_range_grid_has_the_files_nodes_and_between_them_points_close_to_each_other(length_m, widest_m):
+    nodes = np.array([0.0, 2.0, 10.0, 47.0])
+    grid = range_grid(nodes, length_m)
+    assert np.isin(nodes, grid).all()
+    assert (np.diff(grid) > 0.0).all()
+    assert np.diff(grid).max() <= widest_m
+
+
 # --- levels -------------------------------------------------------------------------------------------
 
 
@@ -181,6 +190,9 @@ def test_errors_of_the_levels_are_the_surfaces_the_highest_beyond_the_last():
     places = np.argmin(np.abs(found[:, :1] - surfaces[:, 0]), axis=1)
     np.testing.assert_allclose(found, surfaces[places], atol=1e-12)
     assert set(places) == set(range(len(LEVELS)))
+    for place, level in enumerate(LEVELS[:-1]):  # beyond the last there is no surface
+        share = (places <= place).mean()
+        assert abs(share - level) < 4.0 * np.sqrt(level * (1.0 - level) / len(places))
 
 
 @pytest.mark.parametrize("step", [1, 4])

@@ -85,6 +85,15 @@ def test_a_run_begins_with_the_share_of_lost_lines_of_the_long_run_and_midway_in
     assert kstest(left, "uniform", args=(0.0, 2.0)).statistic < PERIOD_S / 2.0 + 1.63 / np.sqrt(len(left))
 
 
+def test_at_the_start_a_long_dwell_is_likelier_under_way_than_a_short_one():
+    """What is left of a dwell from 0 to 2 s, all alike: density (1 - F) / mean, so t - t^2 / 4 is below t."""
+    law = lossy(2.0 * LEVELS, 0.5 + 0.0 * LEVELS)
+    first = [drive(law, [0], seed=seed)[0] for seed in range(400)]
+    left = np.concatenate([state.until[~state.lost] * PERIOD_S for state in first])
+    distance = kstest(left, lambda t: np.clip(t, 0.0, 2.0) - np.clip(t, 0.0, 2.0) ** 2 / 4.0).statistic
+    assert distance < PERIOD_S + 1.63 / np.sqrt(len(left))  # whole images, rounded up
+
+
 def test_dropped_slots_change_nothing_of_what_is_lost():
     law = lossy(exponential_s(0.4), exponential_s(0.2))
     whole, some = drive(law, range(301)), drive(law, range(0, 301, 3))
