@@ -1,11 +1,12 @@
 """The gateway itself: what arrives is passed on at once, what is due is sent, everything else waits.
 
-    in ──► camera's ids out ──► out         slot k - lead   what was heard until then goes to the desk
-     ▲                           │          slot k          its image is sent, if it is there by then
-     └────────── (both ways) ────┘          slot k + lead   an image that is not there now is lost
+    in ──► camera's ids out ──► out     slot k - 3/4 cycle   what was heard until then goes to the desk
+     ▲                           │      slot k               its image is sent, if it is there by then
+     └────────── (both ways) ────┘      slot k + 1/2 cycle   an image that is not there now is lost
 
-One thread that sleeps until a frame arrives or something is due. Images are computed elsewhere, so that no
-frame waits for one.
+While an image is not there, no other one is asked for: a desk that is too slow makes fewer, not none. One
+thread that sleeps until a frame arrives or something is due. Images are computed elsewhere, so that no frame
+waits for one.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,7 +20,7 @@ from vsensor.runner import Samples
 from vsensor.types import Frame
 
 STUCK = 50
-"""Images asked for and not answered: the process that computes them stands still."""
+"""Slots that passed while an image was computed: the process that does so stands still."""
 IN_A_ROW = 4
 """Frames of an image that are sent between two looks at what has arrived."""
 
@@ -104,8 +105,10 @@ class Gateway:
         self.ways = Ways()
         self._near, self._far, self._desk, self._sensor = near, far, desk, sensor
         self._clock, self._wait, self._start_ns, self._both_ways = clock, wait, start_ns, both_ways
-        self._lead_ns = sensor.period_ns // 2
-        self._asked = self._answered = 0  # numbers of the next image to be asked for, and to be answered
+        self._lead_ns, self._late_ns = sensor.period_ns * 3 // 4, sensor.period_ns // 2
+        self._next = 0  # number of the next slot
+        self._asked: int | None = None  # number of the image that is computed
+        self._is_lost = False  # whether the latest image was
         self._arrived = (True, True)  # whether there may be something on the buses
         self._heard: list[Frame] = []
         self._due: list[Frame] = []  # frames of images, in the order of their times; due_ns of the clock
@@ -127,7 +130,7 @@ class Gateway:
         return self._start_ns + number * self._sensor.period_ns
 
     def _ask_ns(self) -> int:
-        return self._slot_ns(self._asked) - self._lead_ns
+        return self._slot_ns(self._next) - self._lead_ns
 
     def _pass(self) -> None:
         """Pass on what has arrived."""
@@ -162,29 +165,33 @@ class Gateway:
         ]
 
     def _ask(self) -> None:
-        """Ask for the next image; the one before, if it is not there by now, is lost."""
+        """Ask for the next slot's image; while one is computed, the slot is lost."""
         self._collect()
-        waiting = self._asked - self._answered
-        if waiting > STUCK:
-            raise SessionError(
-                f"the sensor's process has stood still for {waiting * self._sensor.period_ns / 1e9:g} s"
-            )
+        number, self._next = self._next, self._next + 1
+        if self._asked is not None:
+            self.ways.lost += 1
+            if number - self._asked > STUCK:
+                seconds = (number - self._asked) * self._sensor.period_ns / 1e9
+                raise SessionError(f"the sensor's process has stood still for {seconds:g} s")
+            return
         heard = tuple(self._heard)
         self._heard.clear()
-        self._desk.ask(Wish(self._asked, is_lost=waiting > 0, heard=heard))
-        self._asked += 1
+        self._desk.ask(Wish(number, is_lost=self._is_lost, heard=heard))
+        self._asked = number
 
     def _collect(self) -> None:
-        """Take the images that are there; one after which another was asked for comes too late."""
-        while self._answered < self._asked and self._desk.is_ready:
-            made = self._desk.answer()
-            self._answered += 1
-            if self._answered < self._asked:
-                self.ways.lost += 1
-            elif made.frames:
-                frames = [replace(one, due_ns=one.due_ns + self._start_ns) for one in made.frames]
-                self._due = sorted((*self._due, *frames), key=_due_ns)
-                self._firsts.append(frames[0].due_ns)
+        """Take the image that was asked for, if it is there; half a cycle after its slot it is too late."""
+        if self._asked is None or not self._desk.is_ready:
+            return
+        made = self._desk.answer()
+        self._is_lost = self._clock.now_ns() > self._slot_ns(self._asked) + self._late_ns
+        self._asked = None
+        if self._is_lost:
+            self.ways.lost += 1
+        elif made.frames:
+            frames = [replace(one, due_ns=one.due_ns + self._start_ns) for one in made.frames]
+            self._due = sorted((*self._due, *frames), key=_due_ns)
+            self._firsts.append(frames[0].due_ns)
 
     def _send_due(self, now_ns: int) -> None:
         """Send the frames whose time has come; what arrives meanwhile goes between them."""

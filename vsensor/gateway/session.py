@@ -55,14 +55,14 @@ def run_gateway(
         for text in (*synth.source.notes, *synth.source.findings):
             say(text)
         _warm_up(desk)
-        both = ", and back" if options.both_ways else ""
-        say(f"passing {near.name} -> {far.name}{both}, profile {synth.line.profile.name} replaced")
         if options.realtime:
             stack.enter_context(real_time_priority(say))
         look_for_garbage = stack.enter_context(calm_collector())
         clock = MonotonicClock(spin_ns=0)
         for bus in (near, far):
             bus.drain()  # what came while we loaded is old
+        both = ", and back" if options.both_ways else ""
+        say(f"passing {near.name} -> {far.name}{both}, profile {synth.line.profile.name} replaced")
         start_ns = clock.now_ns() + START_UP_NS
         sensor = Sensor(period_ns=synth.period_ns, keys=camera_keys(synth.line), heard=heard_keys(synth))
         gateway = Gateway(

@@ -56,8 +56,9 @@ class Here:
         self._made: deque[Made] = deque()
 
     def ask(self, wish: Wish) -> None:
-        """Compute an image."""
-        sent, lost, made = self._synth.compute(self._before[wish.number][wish.is_lost], wish)
+        """Compute an image; numbers that were left out are slots that nobody had time for."""
+        before = self._before.get(wish.number) or self._before[self._last]
+        sent, lost, made = self._synth.compute(before[wish.is_lost], wish)
         self._before[wish.number + 1], self._last = (sent, lost), wish.number + 1
         self._before.pop(wish.number - KEPT, None)
         self._made.append(made)
