@@ -4,22 +4,27 @@ import json
 import numpy as np
 import pytest
 
-from tests.error_model.models import RANGE_M, STD_M, constant_model, flat_model, law_of, once
-from tests.lines import line_points
+from tests.error_model.models import RANGE_M, STD_M, at, constant_model, flat_model, law_of, once
+from tests.lines import line_points, tick
 from tools.make_default_error_model import default_library
+from vsensor.draws import Draws
 from vsensor.error_model import (
     DEFAULT_FILE,
     SCHEMA,
     ErrorLibrary,
     ErrorModelConfig,
     Rule,
+    compile_law,
     library_of,
     load_law,
     load_library,
+    reach,
+    report,
     save_library,
 )
 from vsensor.error_model.checks import KEYS
 from vsensor.errors import ConfigError
+from vsensor.types import LaneEstimate
 
 
 def saved(library, path):
@@ -244,7 +249,7 @@ BAD = [
     ({"rule": '[{"model": "fog", "when": {}}]'}, r"rule: 'fog': a model of the file \(all\)"),
     ({"rule": '[{"model": "all", "when": {}, "else": 1}]'}, "rule: .*else"),
     ({"range_m": FULL.range_m[::-1]}, "all/range_m: at least 2 increasing"),
-    ({"range_m": np.full(13, np.nan)}, "all/range_m: at least 2 increasing"),
+    ({"range_m": np.full(13, np.nan)}, "all/range_m: finite numbers"),
     ({"speed_mps": np.array(3.0)}, "all/speed_mps: at least 2 increasing"),
     ({"levels": np.array([])}, "all/levels: increasing values"),
     ({"levels": np.array([0.5, 1.0])}, "all/levels: values between 0 and 1"),
@@ -279,6 +284,11 @@ BAD = [
     ({"quality_step": np.eye(5)[::-1] * 3 - 2 * np.eye(5)}, "all/quality_step: probabilities"),
     ({"level_step": np.eye(2)}, r"all/level_step: shape \(3, 3\)"),
     ({"hours": -1.0}, "all/hours: no negative"),
+    ({"range_m": 1e3 * FULL.range_m}, "all/range_m: values from -1000 to 1000 m"),
+    ({"speed_mps": 1e3 * FULL.speed_mps}, "all/speed_mps: values from -1000 to 1000 m/s"),
+    ({"signed_m": 1e300 * FULL.signed_m}, "all/signed_m: values from -1000 to 1000 m"),
+    ({"applied_length_m": 1e-300}, "all/applied_length_m: values from 0.001 to 1e"),
+    ({"seen_dwell_s": 1e300 * FULL.seen_dwell_s}, "all/seen_dwell_s: values from 0 to 1e"),
     ({"log_count": "many"}, "all/log_count: numbers"),
 ]
 
@@ -302,14 +312,35 @@ def test_a_name_that_is_no_name_is_refused(tmp_path):
         load_library(tmp_path / "m.npz")
 
 
-def test_entries_of_random_shapes_and_values_are_refused_or_read_but_never_crash(tmp_path):
+def test_whatever_random_entries_are_read_can_be_used_and_the_others_are_refused(tmp_path):
     random, path, keys = np.random.default_rng(9), tmp_path / "m.npz", list(entries())
-    odd = [np.nan, np.inf, -1.0, 0.0, 1e300, "x", True, None]
-    for _ in range(200):
+    odd = [np.nan, np.inf, -1.0, 0.0, 1e-300, 1e300, 1e9, 3.0, "x", True, None]
+    factors = [0.0, 1e-300, 1e-3, 0.5, 1.0, 3.0, 1e6]
+    lines, used = line_points((np.arange(5.0, 90.0), np.zeros(85))), 0
+    for _ in range(300):
         content = entries()
-        for key in random.choice(keys, 2):
+        key, kind = str(random.choice(keys)), random.integers(4)
+        if kind > 1 and not isinstance(content[key], str):
+            content[key] = content[key] * random.choice(factors)
+        elif kind == 1:
+            content[key] = np.full(np.shape(content[key]), odd[random.integers(len(odd))])
+        else:
             shape = tuple(random.integers(0, 4, random.integers(0, 4)))
-            content[str(key)] = np.full(shape, odd[random.integers(len(odd))])
+            content[key] = np.full(shape, odd[random.integers(len(odd))])
         np.savez(path, **content)
         with contextlib.suppress(ConfigError):  # anything else, a warning too, fails the test
-            load_library(path)
+            library = load_library(path)
+            for mode in ("extreme", "levels", "volume"):
+                law = compile_law(ErrorModelConfig(mode=mode, level=float(full_model().levels[0])), library)
+                report(law, None, Draws(1), tick(0), at(), LaneEstimate(**NO_LINES), reach_m(law))
+                assert np.isfinite(once(law, lines).points_ego_m).all()
+                used += 1
+    assert used > 150
+
+
+NO_LINES = {"exposed_at_ns": 0, "image_index": 0, "boundaries": ()}
+
+
+def reach_m(law):
+    found = reach(law, at())
+    return 100.0 if found is None else found.range_m

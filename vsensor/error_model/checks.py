@@ -16,6 +16,18 @@ _SUM = 1e-6
 _OVER_CELLS = ("absolute_m", "signed_m", "applied_signed_m")
 _INTERVALS = ("absolute_low_m", "absolute_high_m")
 
+_PLAUSIBLE = {
+    **dict.fromkeys(("range_m", "region_range_m", *_OVER_CELLS), (-1e3, 1e3, "m")),
+    **dict.fromkeys(("speed_mps", "region_speed_mps"), (-1e3, 1e3, "m/s")),
+    **dict.fromkeys(("applied_length_m", "correlation_length_m"), (1e-3, 1e6, "m")),
+    **dict.fromkeys(("applied_time_s", "correlation_time_s", "range_time_s"), (1e-6, 1e9, "s")),
+    **dict.fromkeys(("quality_period_s", "level_period_s"), (1e-3, 1e6, "s")),
+    **dict.fromkeys(("lost_dwell_s", "seen_dwell_s"), (0.0, 1e9, "s")),
+    "range_share": (0.0, 100.0, ""),
+    "signed_levels": (1e-12, 1.0 - 1e-12, ""),
+}
+"""Beyond these a number is a mistake in the file, and could not be computed with."""
+
 Entries = Mapping[str, Any]
 Check = tuple[str, Any, str]
 
@@ -27,7 +39,9 @@ def first_fault(entries: Entries) -> str | None:
             return f"{key}: {'true or false' if key == 'blind' else 'numbers'} expected"
         if key in SCALARS and entries[key].ndim:
             return f"{key}: one number expected"
-    for stage in (_shapes, _finite, _values, _fitted):
+        if key not in (*_OVER_CELLS, *_INTERVALS, "blind") and not np.isfinite(entries[key]).all():
+            return f"{key}: finite numbers expected"
+    for stage in (_shapes, _finite, _values, _fitted, _plausible):
         for key, good, expected in stage(entries):
             if not good:
                 return f"{key}: {expected} expected"
@@ -63,15 +77,9 @@ def _shapes(has: Entries) -> Iterator[Check]:
 
 
 def _finite(has: Entries) -> Iterator[Check]:
-    for key in KEYS:
-        if key in _OVER_CELLS:
-            yield (
-                key,
-                np.isfinite(has[key]).all(axis=0)[~has["blind"]].all(),
-                "finite numbers outside of blind",
-            )
-        elif key not in (*_INTERVALS, "blind"):
-            yield key, np.isfinite(has[key]).all(), "finite numbers"
+    for key in _OVER_CELLS:
+        is_finite = np.isfinite(has[key]).all(axis=0)
+        yield key, is_finite[~has["blind"]].all(), "finite numbers outside of blind"
     yield "blind", not has["blind"].all(), "a cell that is not blind"
 
 
@@ -105,6 +113,13 @@ def _fitted(has: Entries) -> Iterator[Check]:
     for key in ("quality_step", "level_step"):
         good = np.all(has[key] >= 0.0) and np.all(np.abs(has[key].sum(axis=1) - 1.0) < _SUM)
         yield key, good, "probabilities, each row summing to 1,"
+
+
+def _plausible(has: Entries) -> Iterator[Check]:
+    for key, (low, high, unit) in _PLAUSIBLE.items():
+        values = has[key][:, ~has["blind"]] if key in _OVER_CELLS else has[key]
+        expected = f"values from {low:g} to {high:g} {unit}".rstrip()
+        yield key, np.all((values >= low) & (values <= high)), expected
 
 
 def increases(values: Array, at_least: int) -> bool:

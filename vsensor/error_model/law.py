@@ -32,6 +32,8 @@ from vsensor.types import Array, frozen
 
 NUGGET = 1e-6
 """The squared-exponential kernel alone is singular in float64; 0.1 % of the std becomes white."""
+FINEST_M = 0.5
+"""Between points of the range grid."""
 
 
 class ErrorModelConfig(Config, frozen=True, kw_only=True):
@@ -133,8 +135,11 @@ def _grid(models: Collection[ErrorModel]) -> Array:
 
 
 def range_grid(nodes_m: Array, length_m: float) -> Array:
-    """Return the nodes and points between, so close that 99.5 % of the std is kept between two."""
-    step_m = min(length_m / 5.0, CHORD_M)
+    """Return the nodes and points between, so close that 99.5 % of the std is kept between two.
+
+    Of what changes within less than a metre no polynomial keeps anything.
+    """
+    step_m = min(max(length_m / 5.0, FINEST_M), CHORD_M)
     pieces = [
         np.linspace(a, b, max(int(np.ceil((b - a) / step_m)), 1), endpoint=False)
         for a, b in pairwise(nodes_m.tolist())
