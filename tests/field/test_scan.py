@@ -9,8 +9,10 @@ import pytest
 
 from tests.field.made_logs import RAV4_STEP_DEGPS, Drive, Road, write_lines
 from tests.shared import SHARED_DATA, needs_shared
+from vsensor.cli import main
 from vsensor.field.scan import ScanOptions, scan_log
 from vsensor.field.table import open_table
+from vsensor.logs import open_log_writer
 from vsensor.types import Side
 
 ROUNDING_M = 0.01
@@ -246,3 +248,54 @@ def test_noise_of_half_a_step_is_no_trouble_and_not_told(tmp_path):
     drive = Drive(road=ARC, seconds=10, yaw_step_degps=RAV4_STEP_DEGPS, yaw_noise_degps=0.12)
     _, info = scanned(tmp_path, drive)
     assert "steps of" not in " ".join(info["notes"])
+
+
+@needs_shared
+def test_the_offset_of_a_real_cars_yaw_rate_is_found_from_16_s_of_its_drive(tmp_path):
+    log, dbc = (
+        SHARED_DATA / "can" / "rav4_drive.log",
+        SHARED_DATA / "dbc" / "toyota_rav4_2017_pt_generated.dbc",
+    )
+    (tmp_path / "car.toml").write_text(
+        f'schema = "vsensor.scenario/1"\nsource = "{log}"\n[drive]\nprofile = ["toyota_rav4"]\n'
+        f'dbc = "{dbc}"\n[error_model]\nmode = "none"\n[camera]\nmodel = "none"\n'
+    )
+    laid_over, scenario = tmp_path / "drive.blf", tmp_path / "car.toml"
+    words = ["replay", str(log), "--overlay", str(scenario), "--as-fast-as-possible", "--stop", "16"]
+    assert main([*words, "--log", str(laid_over), "--quiet"]) == 0
+    options = ScanOptions(profiles=("native", "toyota_rav4"), dbc=str(dbc))
+    info = scan_log(laid_over, "drive", tmp_path / "table", options)
+    (told,) = re.findall(r"yaw-rate offset (\S+) deg/s removed", " ".join(info["notes"]))
+    assert float(told) == pytest.approx(-0.41, abs=0.02)  # data/SOURCES.md of the shared data
+    error = used(open_table([tmp_path / "table"]).scan().collect())["error_m"].abs()
+    assert error.quantile(0.95) < 0.06
+
+
+# ---- when an image was taken --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("limits", ["latency_ms = 120.0\n", 'image_clock = "sensor"\n'])
+def test_what_is_known_of_the_latency_is_taken_off(tmp_path, limits):
+    def swinging(t_s):
+        return 0.5 * np.sin(2.0 * np.pi * t_s / 6.0)
+
+    drive = Drive(seconds=8, latency_ns=120_000_000, beside=swinging)
+    far = (polars.col("t_ns") > 500_000_000) & (polars.col("range_m") == 51.0)
+    late, _ = scanned(tmp_path, drive, limits="yaw_rate_offset_degps = 0.0\n")
+    right, _ = scanned(tmp_path, drive, limits="yaw_rate_offset_degps = 0.0\n" + limits)
+    turned = 0.12 * 0.5 * (2.0 * np.pi / 6.0) ** 2 / 20.0  # rad, at most, in the 0.12 s of the latency
+    assert used(late.filter(far))["error_m"].abs().max() == pytest.approx(51.0 * turned, rel=0.2)
+    assert used(right.filter(far))["error_m"].abs().max() < 0.02
+
+
+def test_delays_on_the_bus_are_taken_out_by_the_images_time_stamp(tmp_path):
+    frames = Drive(seconds=8, beside=weaving).frames()
+    random = np.random.default_rng(5)
+    delays = random.integers(0, 15_000_000, 400)
+    with open_log_writer(tmp_path / "drive.blf") as writer:
+        for frame in frames:
+            is_lane = frame.arbitration_id >= 0x300
+            writer.write(frame, int(delays[frame.due_ns // 40_000_000]) if is_lane else 0)
+    scan_log(tmp_path / "drive.blf", "drive", tmp_path / "table", ScanOptions())
+    times = open_table([tmp_path / "table"]).scan().select("t_ns").unique().collect()["t_ns"].sort()
+    np.testing.assert_allclose(np.diff(times.to_numpy()), 40_000_000, atol=1_000_000)  # its time stamp's ms

@@ -25,6 +25,8 @@ FARTHEST_M = 50.0
 """An offset beyond it is of no line beside the vehicle: garbage, or a wrong profile."""
 ENVELOPE_NS = 60 * NANOSECONDS_PER_SECOND
 LONGEST_DELAY_NS = 500_000_000
+MOST_RESTARTS = 20
+"""Time stamps that fall or stand more often in a log are no clock."""
 RAIN_OF_WIPER = np.array([0.0, 0.25, 0.5, 1.0])  # off, interval, slow, fast (profile.Wiper)
 
 
@@ -174,23 +176,34 @@ def _image_times(
     latency_ns = round(limits.latency_ms * 1e6)
     if limits.image_clock == "recorder" or stamps_ms is None:
         return recorded - latency_ns, ()
-    steps = np.diff(stamps_ms)
-    if np.isnan(stamps_ms).any() or (steps <= 0).any():
+    begins = np.flatnonzero(~(np.diff(stamps_ms) > 0)) + 1  # the sensor began anew, or has no time
+    if np.isnan(stamps_ms).any() or len(begins) > MOST_RESTARTS:
         return recorded - latency_ns, (
-            "image time stamps missing or not rising: the recorder's times are used",
+            "image time stamps missing or standing: the recorder's times are used",
         )
     stamps = np.round(stamps_ms * 1e6).astype(np.int64)
     if limits.image_clock == "sensor":
-        return stamps, ()
-    delay = recorded - stamps
-    edges = np.flatnonzero(np.diff((recorded - recorded[0]) // ENVELOPE_NS)) + 1
-    parts = np.split(np.arange(len(delay)), edges)
-    least = np.array([delay[part].min() for part in parts])
-    middle = np.array([recorded[part].mean() for part in parts])
-    smooth = stamps + np.interp(recorded, middle, least).astype(np.int64)
+        return np.maximum.accumulate(stamps), ()
+    smooth = np.concatenate(
+        [
+            _without_delays(r, s)
+            for r, s in zip(np.split(recorded, begins), np.split(stamps, begins), strict=True)
+        ]
+    )
     if np.abs(recorded - smooth).max() > LONGEST_DELAY_NS:
         return recorded - latency_ns, ("image time stamps jump: the recorder's times are used",)
     return np.maximum.accumulate(smooth) - latency_ns, ()
+
+
+def _without_delays(recorded: IntArray, stamps: IntArray) -> IntArray:
+    """Return time stamps (N,) on the recorder's clock: at their least delay in each minute, which may drift."""
+    delay = recorded - stamps
+    edges = np.flatnonzero(np.diff((recorded - recorded[0]) // ENVELOPE_NS)) + 1
+    parts = np.split(np.arange(len(delay)), edges)
+    least = [float(delay[part].min() - delay[0]) for part in parts]
+    middle = [float(recorded[part].mean()) for part in parts]
+    smooth: IntArray = stamps + delay[0] + np.interp(recorded, middle, least).astype(np.int64)
+    return smooth
 
 
 def _resets(frames: DecodedFrames, t_ns: IntArray, index: Array | None, profile: Profile) -> BoolArray:

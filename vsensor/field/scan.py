@@ -13,10 +13,11 @@ import numpy as np
 from vsensor.errors import LogError
 from vsensor.field.config import ScanLimits, load_scan_limits
 from vsensor.field.images import Images, images_of, line_profile
+from vsensor.field.line_file import FileReference
 from vsensor.field.masks import begins_of, image_masks, resets_of, slow_images
 from vsensor.field.motion import Motion, motion_of, with_steady_clock
 from vsensor.field.on_map import MapReference
-from vsensor.field.reference import FileReference, PathReference, Poses, Reference, need_poses, poses_in_log
+from vsensor.field.reference import PathReference, Poses, Reference, need_poses, poses_in_log
 from vsensor.field.rows import Work, course_of, lane_width_m, rows_of
 from vsensor.field.table import MASKS, Info, Rows, write_table
 from vsensor.logs import read_log
