@@ -184,19 +184,15 @@ def _image_times(
     stamps = np.round(stamps_ms * 1e6).astype(np.int64)
     if limits.image_clock == "sensor":
         return np.maximum.accumulate(stamps), ()
-    smooth = np.concatenate(
-        [
-            _without_delays(r, s)
-            for r, s in zip(np.split(recorded, begins), np.split(stamps, begins), strict=True)
-        ]
-    )
+    parts = zip(np.split(recorded, begins), np.split(stamps, begins), strict=True)
+    smooth = np.concatenate([_without_delays(*part) for part in parts])
     if np.abs(recorded - smooth).max() > LONGEST_DELAY_NS:
         return recorded - latency_ns, ("image time stamps jump: the recorder's times are used",)
     return np.maximum.accumulate(smooth) - latency_ns, ()
 
 
 def _without_delays(recorded: IntArray, stamps: IntArray) -> IntArray:
-    """Return time stamps (N,) on the recorder's clock: at their least delay in each minute, which may drift."""
+    """Return time stamps (N,) on the recorder's clock, at their least delay in each minute: it may drift."""
     delay = recorded - stamps
     edges = np.flatnonzero(np.diff((recorded - recorded[0]) // ENVELOPE_NS)) + 1
     parts = np.split(np.arange(len(delay)), edges)
