@@ -180,6 +180,40 @@ the fit gives it. Cells with too little driving are blind: the sensor reports no
 when it is whole.
 """
 
+DENSITY_HELP = """\
+Where the errors of tables lie: shares of sub cubes of range, speed and error, distributions, blind spots.
+
+  vsensor density table --out density
+  vsensor density table --candidates more/table --out density --seconds 3600
+
+Into the folder: density.npz, cells.csv, distributions.csv, pictures; thin.csv, the speeds with less driving
+than --seconds at some range that is reported there; fill.csv, which drives have most of what is missing, and
+when: of --candidates, such as drives that are not learned from yet, otherwise of the tables themselves.
+"""
+
+INFLUENCE_HELP = """\
+What the error depends on: the share of it that each dimension explains, with 95 % intervals.
+
+  vsensor influence table
+  vsensor influence table --as-published      P1's table of principal components before it
+
+By rank, so that no unit counts. shared: what a dimension adds to all others, averaged over all orders (these
+sum to what all explain together); alone: what it explains without the others.
+"""
+
+VALIDATE_HELP = """\
+Judge an error model by recorded drives that it was not learned from: does the sensor err as the model says?
+
+  vsensor validate model.npz held_out/table --out report.html
+  vsensor validate model.npz held_out/table --limits mine.toml
+
+Coverage of each surface, evenness of the errors' places in the law, distance of recorded and virtual errors
+by range and speed, correlation in time, how long lines stay lost. A figure fails where it is beyond its limit
+by more than chance explains. A limits file has schema = "vsensor.validate/1" and the keys that differ:
+coverage, pit, wasserstein, correlation_time, lost_time, outside. Exit 0 within the limits, 1 beyond, 2 bad
+input.
+"""
+
 
 class _Parser(argparse.ArgumentParser):
     """Says what is wrong in one line."""
@@ -525,6 +559,65 @@ def gateway(arguments: argparse.Namespace) -> int:
         return 130 if stopped() else 0
 
 
+def density(arguments: argparse.Namespace) -> int:
+    """`vsensor density`: where the errors of tables lie."""
+    from vsensor.field.density import density_of
+    from vsensor.field.density_report import text_lines, write_density
+    from vsensor.field.table import open_table
+    from vsensor.field.thin import filling_drives, thin_cells
+
+    table = open_table(arguments.tables)
+    candidates = table if arguments.candidates is None else open_table(arguments.candidates)
+    with _rows_bar(table, 2, arguments) as advance:
+        found = density_of(table, advance)
+    thin = thin_cells(found, arguments.seconds)
+    fill = filling_drives(candidates, thin, found.grid.step_mps)
+    write_density(arguments.out, found, thin, fill, pictures=not arguments.no_pictures)
+    print("\n".join(text_lines(found, thin, fill)))
+    return 0
+
+
+def influence(arguments: argparse.Namespace) -> int:
+    """`vsensor influence`: what the error depends on."""
+    from vsensor.field.influence import influence_lines, influence_of, published_lines
+    from vsensor.field.table import open_table
+
+    table = open_table(arguments.tables)
+    with _rows_bar(table, 1, arguments) as advance:
+        found = influence_of(table, seed=arguments.seed or 0, progress=advance)
+    if arguments.as_published:
+        print("\n".join([*published_lines(found), ""]))
+    print("\n".join(influence_lines(found)))
+    return 0
+
+
+def validate(arguments: argparse.Namespace) -> int:
+    """`vsensor validate`: an error model against held-out drives."""
+    from vsensor.field.table import open_table
+    from vsensor.field.validate import validate_model
+    from vsensor.field.virtual import FitSetting
+
+    table = open_table(arguments.tables)
+    with _rows_bar(table, 1, arguments) as advance:
+        found = validate_model(
+            arguments.model,
+            table,
+            out=arguments.out,
+            limits=arguments.limits,
+            setting=FitSetting(seen_from_m=arguments.seen_from),
+            seed=arguments.seed or 0,
+            progress=advance,
+        )
+    print("\n".join(found.lines))
+    return 0 if found.good else 1
+
+
+def _rows_bar(table: Any, passes: int, arguments: argparse.Namespace) -> Any:
+    from vsensor.field.tune.spread import rows_bar
+
+    return rows_bar(table, passes, shown=sys.stderr.isatty() and not arguments.quiet)
+
+
 def _note(text: str) -> None:
     print(f"vsensor: {text}", file=sys.stderr)
 
@@ -550,7 +643,10 @@ def _parser() -> argparse.ArgumentParser:
     _add_scan(commands)
     _add_table(commands)
     _add_profile(commands)
+    _add_density(commands)
+    _add_influence(commands)
     _add_tune(commands)
+    _add_validate(commands)
     return parser
 
 
@@ -826,6 +922,39 @@ def _add_table(commands: "Commands") -> None:
     added.add_argument(
         "tables", nargs="+", type=Path, metavar="TABLE", help="folders that vsensor scan wrote"
     )
+
+
+def _add_density(commands: "Commands") -> None:
+    added = _command(commands, "density", density, DENSITY_HELP)
+    _tables(added)
+    option = added.add_argument
+    option("--out", required=True, type=Path, metavar="DIR", help="folder of arrays, tables and pictures")
+    option("--seconds", type=_positive, default=3600.0, metavar="S", help="driving that a speed needs (3600)")
+    option("--candidates", nargs="+", type=Path, metavar="TABLE", help="tables of drives that might fill it")
+    option("--no-pictures", action="store_true", help="arrays and tables only")
+    option("--quiet", action="store_true", help="no progress bar")
+
+
+def _add_influence(commands: "Commands") -> None:
+    added = _command(commands, "influence", influence, INFLUENCE_HELP)
+    _tables(added)
+    added.add_argument("--as-published", action="store_true", help="P1's principal components too")
+    added.add_argument("--seed", type=_seed, metavar="N", help="of the draws of the intervals (0)")
+    added.add_argument("--quiet", action="store_true", help="no progress bar")
+
+
+def _add_validate(commands: "Commands") -> None:
+    added = _command(commands, "validate", validate, VALIDATE_HELP)
+    added.add_argument("model", type=Path, metavar="MODEL", help="the error model: .npz")
+    _tables(added)
+    option = added.add_argument
+    option("--out", type=Path, metavar="FILE", help="a page of figures and pictures: .html or .pdf")
+    option("--limits", type=Path, metavar="FILE", help="limits that differ from the defaults: .toml")
+    option(
+        "--seen-from", type=_metres, default=0.0, metavar="M", help="where the sensor's points begin (0 m)"
+    )
+    option("--seed", type=_seed, metavar="N", help="of the virtual drives (0)")
+    option("--quiet", action="store_true", help="no progress bar")
 
 
 def _add_tune(commands: "Commands") -> None:

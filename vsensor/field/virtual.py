@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from math import exp, sqrt
 
 import numpy as np
+from scipy.signal import lfilter
 
 from vsensor.error_model import ErrorLibrary, ErrorModel
 from vsensor.error_model.law import correlation_factor, quantile, range_grid, table_on
@@ -21,6 +22,8 @@ from vsensor.scene import SceneConfig
 from vsensor.types import Array
 
 POINT_STEP_M = 0.5
+EVEN = 0.05
+"""Steps in time that differ by less than this part are one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,6 +115,10 @@ class VirtualSensor:
     def drive(self, steps_s: Array, random: np.random.Generator) -> Array:
         """Return a process z (N, G) in time: `steps_s` (N - 1,) between its images."""
         noise = random.standard_normal((len(steps_s) + 1, len(self.grid_m))) @ self.factor.T
+        if len(steps_s) and np.ptp(steps_s) < EVEN * np.median(steps_s):
+            keep = exp(-float(np.median(steps_s)) / self.model.applied_time_s)
+            noise[1:] *= sqrt(1.0 - keep * keep)
+            return np.asarray(lfilter([1.0], [1.0, -keep], noise, axis=0))
         for k, step in enumerate(steps_s.tolist()):
             keep = exp(-step / self.model.applied_time_s)
             noise[k + 1] = keep * noise[k] + sqrt(1.0 - keep * keep) * noise[k + 1]

@@ -7,7 +7,7 @@ import numpy as np
 from vsensor.field.table import LogFile
 from vsensor.field.tune.conditions import Conditions
 from vsensor.field.tune.grid import SIZES, Grid, bin_of, range_mm
-from vsensor.field.tune.reading import Progress, Rows, read_log
+from vsensor.field.tune.reading import Progress, Rows, read_log, rows_of
 
 PIECE = 1 << 16
 """Rows at a time inside a chunk: what is computed for them stays in the processor's cache."""
@@ -66,5 +66,4 @@ def pieces(rows: Rows) -> list[Rows]:
     if len(rows.t_ns) <= PIECE:
         return [rows]
     starts = range(0, len(rows.t_ns), PIECE)
-    names = ("t_ns", "side", "range_m", "error_m", "speed_mps", "group")
-    return [Rows(**{name: getattr(rows, name)[at : at + PIECE] for name in names}) for at in starts]
+    return [rows_of([values[at : at + PIECE] for values in rows.columns()]) for at in starts]

@@ -24,7 +24,7 @@ Progress = Callable[[int], None]
 """Told how many rows were read."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Rows:
     """Rows (N,) that have an error and are used, in the table's order; `group` is the condition's place.
 
@@ -38,6 +38,20 @@ class Rows:
     speed_mps: np.ndarray
     group: np.ndarray
     more: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+    def columns(self) -> tuple[np.ndarray, ...]:
+        """Return all columns that every table has, in the order of the fields."""
+        return self.t_ns, self.side, self.range_m, self.error_m, self.speed_mps, self.group
+
+    def map(self, change: Callable[[np.ndarray], np.ndarray]) -> "Rows":
+        """Return rows of changed columns, without `more`."""
+        return rows_of([change(values) for values in self.columns()])
+
+
+def rows_of(columns: Sequence[np.ndarray]) -> Rows:
+    """Return rows of their columns, in the order of `Rows.columns`."""
+    t_ns, side, range_m, error_m, speed_mps, group = columns
+    return Rows(t_ns, side, range_m, error_m, speed_mps, group)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

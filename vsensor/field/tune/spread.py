@@ -1,11 +1,12 @@
 """One pass over all logs: here one after the other, or on a Dask cluster as a tree of sums."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-from vsensor.field.table import LogFile
+from vsensor.field.table import LogFile, Table
 from vsensor.field.tune.reading import Progress
 
 S = TypeVar("S")
@@ -35,6 +36,23 @@ def serial(progress: Progress | None = None) -> Spread:
         return sums_of(work, files, progress)
 
     return run
+
+
+@contextmanager
+def rows_bar(table: Table, passes: int, *, shown: bool) -> Iterator[Progress | None]:
+    """Give what is told how many rows were read, and shows a bar of all passes; None if none is shown."""
+    if not shown:
+        yield None
+        return
+    from tqdm import tqdm
+
+    total = passes * sum(int(file.info.get("rows", 0)) for file in table.files)
+    with tqdm(total=total, unit="row", unit_scale=True, leave=False) as bar:
+
+        def advance(rows: int) -> None:
+            bar.update(rows)
+
+        yield advance
 
 
 def sums_of(work: Pass[S], files: Sequence[LogFile], progress: Progress | None = None) -> S:

@@ -2,10 +2,9 @@
 
 import math
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import Any
 
 import numpy as np
 
@@ -21,9 +20,8 @@ from vsensor.field.tune.fir import Fir, fill_from_nearest, local_scale, low_pass
 from vsensor.field.tune.grid import Grid
 from vsensor.field.tune.loop import Closed, close_loop
 from vsensor.field.tune.quantiles import FEWEST_BLOCKS
-from vsensor.field.tune.reading import Progress
 from vsensor.field.tune.region import operating_region, range_share
-from vsensor.field.tune.spread import Spread, on_cluster, serial
+from vsensor.field.tune.spread import Spread, on_cluster, rows_bar, serial
 from vsensor.field.tune.surface import (
     SIGNED_LEVELS,
     Intervals,
@@ -150,23 +148,7 @@ def _spread(table: Table, options: TuneOptions, stack: ExitStack) -> Spread:
 
         client, _ = cluster_client(options.scheduler)
         return on_cluster(stack.enter_context(client))
-    return serial(stack.enter_context(_bar(table, options.progress)))
-
-
-def _bar(table: Table, shown: bool) -> AbstractContextManager[Progress | None]:
-    if not shown:
-        return nullcontext()
-    from contextlib import contextmanager
-
-    from tqdm import tqdm
-
-    @contextmanager
-    def bar() -> Any:
-        total = 3 * sum(int(file.info.get("rows", 0)) for file in table.files)
-        with tqdm(total=total, unit="row", unit_scale=True, leave=False) as shown_bar:
-            yield lambda rows: shown_bar.update(rows)
-
-    return bar()
+    return serial(stack.enter_context(rows_bar(table, 3, shown=options.progress)))
 
 
 def _present(chosen: Conditions, rows: np.ndarray) -> list[int]:

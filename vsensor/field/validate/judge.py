@@ -1,0 +1,333 @@
+"""What the findings on held-out logs say about a model, against limits."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations, pairwise
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+import numpy as np
+from scipy.special import kolmogorov, ndtri
+from scipy.stats import wasserstein_distance
+
+from vsensor.error_model import ErrorModel
+from vsensor.field.tune.correlation import correlation_time_s, time_curve
+from vsensor.field.tune.dwell import dwell_quantiles
+from vsensor.field.validate.held_out import Found, HeldOut
+from vsensor.schema import Config, check_schema, convert, read_toml
+from vsensor.types import Array
+
+SCHEMA = "vsensor.validate/1"
+RANGE_BANDS_M = (0.0, 20.0, 40.0, 60.0, 80.0, 100.0, 250.0)
+SPEED_BAND_MPS = 10.0
+FEWEST_IN_BAND = 500
+MOST_IN_BAND = 40_000
+FEWEST_RUNS = 30
+LEVELS = np.linspace(0.02, 0.98, 49)
+
+Part = Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
+
+
+class ValidateLimits(Config, frozen=True, kw_only=True):
+    """How far a model may be off. A finding fails where it is surely beyond: chance taken off.
+
+    `coverage`: share of errors within a surface less its level. `pit`: largest distance (Kolmogorov) of the
+    recorded errors' places in the law from even ones. `wasserstein`: distance of recorded from virtual
+    errors over the mean size, in a band of range and speed. `correlation_time`, `lost_time`: relative.
+    `outside`: share of rows that the model does not know.
+    """
+
+    coverage: Part = 0.01
+    pit: Part = 0.03
+    wasserstein: Part = 0.10
+    correlation_time: Part = 0.15
+    lost_time: Part = 0.30
+    outside: Part = 0.10
+
+
+def load_limits(path: Path | None) -> ValidateLimits:
+    """Read a limits file (schema vsensor.validate/1); None: the defaults. Raises ConfigError."""
+    if path is None:
+        return ValidateLimits()
+    return convert(check_schema(read_toml(path), SCHEMA, str(path)), ValidateLimits, str(path))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Check:
+    """One figure: `off` is how far it is off, `chance` what of it chance explains; fails beyond `limit`."""
+
+    what: str
+    shown: str
+    off: float
+    chance: float
+    limit: float
+
+    @property
+    def good(self) -> bool:
+        """Whether the figure is within the limit, or not surely beyond it."""
+        return not self.off - self.chance > self.limit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Band:
+    """A band of range and speed: recorded errors against virtual ones, and virtual ones among each other."""
+
+    range_m: tuple[float, float]
+    speed_mps: tuple[float, float]
+    rows: int
+    mean_m: float
+    distance_m: float
+    chance_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judged:
+    """One model's verdict, and curves for the page.
+
+    `coverage` and `half` (L,), `pit` (S + 1,) densities, `rho` (2, lags) recorded and virtual, `lost_s` and
+    `seen_s` (2, Q) likewise.
+    """
+
+    name: str
+    model: ErrorModel
+    rows: int
+    effective: float
+    checks: tuple[Check, ...]
+    bands: tuple[Band, ...]
+    coverage: Array
+    half: Array
+    pit: Array
+    lags_s: Array
+    rho: Array
+    lost_s: Array
+    seen_s: Array
+
+    @property
+    def good(self) -> bool:
+        """Whether all figures are within their limits."""
+        return all(check.good for check in self.checks)
+
+
+def judge(held: HeldOut, limits: ValidateLimits) -> list[Judged]:
+    """Return the verdicts on the models that the logs have rows of."""
+    found = [_judged(one, place, held, limits) for place, one in enumerate(held.found)]
+    return [one for one in found if one is not None]
+
+
+def _judged(one: Found, place: int, held: HeldOut, limits: ValidateLimits) -> Judged | None:
+    if not one.size_counts:
+        return None
+    model = one.model
+    shares, half, _ = _shares(np.array(one.size_counts))
+    signed, _, effective = _shares(np.array(one.signed_counts))
+    counts = np.array(one.signed_counts).sum(axis=0)
+    rows = int(counts.sum())
+    total = rows + one.outside
+    bands = _bands(one)
+    lags, rho = _rho(one, held.period_ns / 1e9)
+    lost, seen = (_runs(one.model, place, held, seen=which) for which in (False, True))
+    checks = [
+        Check(
+            what="rows that the model does not know",
+            shown=f"{one.outside / total:.1%} of {total}",
+            off=one.outside / total,
+            chance=0.0,
+            limit=limits.outside,
+        )
+    ]
+    if rows:
+        checks += _coverage(model, shares, half, limits)
+        checks.append(_pit(model, signed, effective, limits))
+        checks += _distances(bands, limits)
+        checks += _times(one, held.period_ns / 1e9, limits)
+        checks += _losses(one.model, place, held, limits)
+    return Judged(
+        name=one.name,
+        model=model,
+        rows=rows,
+        effective=float(effective),
+        checks=tuple(checks),
+        bands=tuple(bands),
+        coverage=shares,
+        half=half,
+        pit=counts / max(rows, 1) / np.diff([0.0, *model.signed_levels, 1.0]),
+        lags_s=lags,
+        rho=rho,
+        lost_s=lost,
+        seen_s=seen,
+    )
+
+
+def _shares(counts: np.ndarray) -> tuple[Array, Array, float]:
+    """Return the shares at or below each quantile (K,), half their 95 % interval, the effective count.
+
+    `counts` (B, K + 1) by blocks; the variance is that of the block bootstrap.
+    """
+    below = np.cumsum(counts, axis=1)[:, :-1].astype(np.float64)
+    rows = counts.sum(axis=1).astype(np.float64)
+    total = max(rows.sum(), 1.0)
+    share = below.sum(axis=0) / total
+    blocks = total**2 / max(float((rows**2).sum()), 1.0)
+    variance = ((below - share * rows[:, None]) ** 2).sum(axis=0) / total**2
+    variance *= blocks / max(blocks - 1.0, 0.5)
+    middle = int(np.argmin(np.abs(share - 0.5)))
+    spread = share[middle] * (1.0 - share[middle])
+    effective = spread / variance[middle] if variance[middle] > 0.0 else total
+    return share, np.asarray(ndtri(0.975) * np.sqrt(variance)), float(effective)
+
+
+def _coverage(model: ErrorModel, shares: Array, half: Array, limits: ValidateLimits) -> list[Check]:
+    return [
+        Check(
+            what=f"errors within the {level:.0%} surface",
+            shown=f"{share:.2%} +- {spread:.2%}",
+            off=abs(share - level),
+            chance=float(spread),
+            limit=limits.coverage,
+        )
+        for level, share, spread in zip(model.levels.tolist(), shares.tolist(), half.tolist(), strict=True)
+    ]
+
+
+def _pit(model: ErrorModel, signed: Array, effective: float, limits: ValidateLimits) -> Check:
+    distance = float(np.abs(signed - model.signed_levels).max())
+    probability = float(kolmogorov(distance * np.sqrt(effective)))
+    # 95 % of the largest distances of so many independent errors are below this
+    chance = 1.358 / np.sqrt(effective)
+    return Check(
+        what="evenness of the errors' places in the law (KS distance)",
+        shown=f"{distance:.4f}, p = {probability:.2g} with {effective:.0f} effective rows",
+        off=distance,
+        chance=float(chance),
+        limit=limits.pit,
+    )
+
+
+def _bands(one: Found) -> list[Band]:
+    range_m, speed, errors = one.sampled()
+    found = []
+    cell = (speed // SPEED_BAND_MPS).astype(int)
+    for low, high in pairwise(RANGE_BANDS_M):
+        for step in np.unique(cell).tolist():
+            here = (range_m >= low) & (range_m < high) & (cell == step)
+            count = int(np.count_nonzero(here))
+            if count < FEWEST_IN_BAND:
+                continue
+            some = errors[:, here][:, :: max(count // MOST_IN_BAND, 1)]
+            found.append(
+                Band(
+                    range_m=(low, high),
+                    speed_mps=(step * SPEED_BAND_MPS, (step + 1) * SPEED_BAND_MPS),
+                    rows=count,
+                    mean_m=float(np.abs(some[0]).mean()),
+                    distance_m=float(wasserstein_distance(some[0], some[1])),
+                    chance_m=max(wasserstein_distance(a, b) for a, b in combinations(some[1:], 2)),
+                )
+            )
+    return found
+
+
+def _distances(bands: Sequence[Band], limits: ValidateLimits) -> list[Check]:
+    """Return a check of the band that is farthest off beyond chance, and none without bands."""
+    known = [one for one in bands if one.mean_m > 0.0]
+    if not known:
+        return []
+    worst = max(known, key=lambda one: (one.distance_m - one.chance_m) / one.mean_m)
+    return [
+        Check(
+            what=f"distance of recorded and virtual errors at {worst.range_m[0]:.0f} to "
+            f"{worst.range_m[1]:.0f} m, {worst.speed_mps[0]:.0f} to {worst.speed_mps[1]:.0f} m/s (the worst)",
+            shown=f"{worst.distance_m:.4f} m of {worst.mean_m:.4f} m (by chance {worst.chance_m:.4f} m)",
+            off=worst.distance_m / worst.mean_m,
+            chance=worst.chance_m / worst.mean_m,
+            limit=limits.wasserstein,
+        )
+    ]
+
+
+def _rho(one: Found, period_s: float) -> tuple[Array, Array]:
+    curves = [time_curve(sums, period_s) for sums in one.time[:2]]
+    return curves[0][0], np.stack([rho for _, rho in curves])
+
+
+def _times(one: Found, period_s: float, limits: ValidateLimits) -> list[Check]:
+    if not one.time[0].any():
+        return []
+    recorded, virtual, *others = (correlation_time_s(sums, period_s) for sums in one.time)
+    return [
+        Check(
+            what="correlation time",
+            shown=f"recorded {recorded:.3f} s, virtual {virtual:.3f} s",
+            off=abs(virtual / recorded - 1.0),
+            chance=max(abs(other / virtual - 1.0) for other in others),
+            limit=limits.correlation_time,
+        )
+    ]
+
+
+def _runs(model: ErrorModel, place: int, held: HeldOut, *, seen: bool) -> Array:
+    """Return durations (2, Q) at LEVELS, recorded and of the model; empty without any."""
+    seconds, cut = held.dwells.of(place, seen=seen)
+    table = model.seen_dwell_s if seen else model.lost_dwell_s
+    if not len(seconds) or not len(table):
+        return np.zeros((2, 0))
+    return np.stack([dwell_quantiles(seconds, cut, LEVELS), np.interp(LEVELS, model.dwell_levels, table)])
+
+
+def _losses(model: ErrorModel, place: int, held: HeldOut, limits: ValidateLimits) -> list[Check]:
+    checks = []
+    for word, seen in (("lost", False), ("seen", True)):
+        cut = held.dwells.of(place, seen=seen)[1]
+        ended = int(np.count_nonzero(~cut))
+        curves = _runs(model, place, held, seen=seen)
+        if ended < FEWEST_RUNS or not curves.size:
+            continue
+        recorded, virtual = (float(np.trapezoid(curve, LEVELS)) / np.ptp(LEVELS) for curve in curves)
+        # the mean of n exponential durations is known to 1 / sqrt(n)
+        checks.append(
+            Check(
+                what=f"how long a line stays {word}",
+                shown=f"recorded {recorded:.2f} s, virtual {virtual:.2f} s, {ended} runs",
+                off=abs(virtual / max(recorded, 1e-9) - 1.0),
+                chance=1.96 / np.sqrt(ended),
+                limit=limits.lost_time,
+            )
+        )
+    return checks
+
+
+def summary(judged: Sequence[Judged]) -> list[str]:
+    """Return the verdict for people."""
+    lines = []
+    for one in judged:
+        word = "within limits" if one.good else "beyond limits"
+        lines.append(f"model {one.name!r}: {word}; {one.rows} rows, {one.effective:.0f} effective")
+        for check in one.checks:
+            mark = " " if check.good else "!"
+            lines.append(f" {mark} {check.what}: {check.shown}; limit {check.limit:g}")
+    return lines
+
+
+def as_json(judged: Sequence[Judged]) -> list[dict[str, Any]]:
+    """Return the verdict for programs."""
+    return [
+        {
+            "model": one.name,
+            "good": one.good,
+            "rows": one.rows,
+            "effective_rows": one.effective,
+            "checks": [
+                {
+                    "what": check.what,
+                    "shown": check.shown,
+                    "off": check.off,
+                    "chance": check.chance,
+                    "limit": check.limit,
+                    "good": check.good,
+                }
+                for check in one.checks
+            ],
+        }
+        for one in judged
+    ]
