@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tests.bus_values import AVAILABLE, boundary, ego, estimate, four_lines
 from vsensor.errors import ConfigError
 from vsensor.profile import QUANTITIES, GeometryConfig
-from vsensor.signals import VehicleConfig, from_bus, to_bus, values_from
+from vsensor.signals import VehicleConfig, columns_from_bus, from_bus, to_bus, values_from
 from vsensor.types import Environment, Light, SensorMode, Side
 
 VEHICLE = VehicleConfig(wheelbase_m=3.0, front_overhang_m=1.0, width_m=2.0)
@@ -206,6 +206,20 @@ def test_what_a_bus_says_of_a_line_is_brought_back_exactly(geometry, slope, c2, 
     here = values(estimate(boundary(Side.RIGHT, [-1.8, slope, c2, c3])))
     back = from_bus(geometry, VEHICLE, to_bus(geometry, VEHICLE, here, 1.7), 1.7)
     assert back == pytest.approx(here, nan_ok=True, rel=1e-9, abs=1e-9)
+
+
+@given(geometry=geometries)
+def test_many_images_at_once_are_brought_back_as_one_by_one(geometry):
+    images = [
+        to_bus(geometry, VEHICLE, values(estimate(boundary(side, [y, 0.1 * y, 1e-3, 1e-5]))), 1.7)
+        for side, y in ((Side.LEFT, 1.8), (Side.RIGHT, -1.7), (Side.LEFT, 2.2))
+    ]
+    columns = {name: np.array([image[name] for image in images]) for name in images[0]}
+    together = columns_from_bus(geometry, VEHICLE, columns, 1.7)
+    for row, image in enumerate(images):
+        alone = columns_from_bus(geometry, VEHICLE, {n: np.array(v) for n, v in image.items()}, 1.7)
+        found = {name: float(column[row]) for name, column in together.items()}
+        assert found == pytest.approx({n: float(v) for n, v in alone.items()}, nan_ok=True, rel=1e-12)
 
 
 def test_the_models_own_geometry_costs_nothing():

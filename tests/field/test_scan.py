@@ -172,6 +172,7 @@ def test_curvature_and_future_yaw_rate_are_those_where_the_vehicle_comes_to_the_
     assert far["curvature_per_m"].to_list() == pytest.approx([1 / 200], rel=0.02)
     assert far["future_yaw_rate_radps"].to_list() == pytest.approx([20.0 / 200], rel=0.02)
     assert near["curvature_per_m"].abs().max() < 1e-5
+    assert near["future_yaw_rate_radps"].abs().max() < 1e-3
     assert early["yaw_rate_radps"].abs().max() < 1e-4
     assert early["speed_mps"].to_list() == pytest.approx([20.0] * 50, abs=0.01)
     end = rows.filter(polars.col("t_ns") > 15_900_000_000)

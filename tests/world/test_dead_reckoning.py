@@ -83,6 +83,18 @@ def test_a_pose_between_samples_lies_on_the_arc_of_its_step():
         assert pose.s_m == pytest.approx(10.0 * seconds, abs=1e-12)
 
 
+def test_many_poses_at_once_are_those_one_by_one():
+    random = np.random.default_rng(2)
+    t_ns = np.cumsum(random.integers(5_000_000, 20_000_000, 100))
+    path = integrated(t_ns, random.uniform(0.0, 30.0, 100), random.normal(0.0, 0.5, 100))
+    at_ns = random.integers(t_ns[0], t_ns[-1], 50)
+    together = path.poses(at_ns)
+    for row, moment in enumerate(at_ns.tolist()):
+        alone = path.at(moment)
+        for name in ("x_m", "y_m", "yaw_rad", "s_m", "speed_mps", "yaw_rate_radps", "acceleration_mps2"):
+            assert getattr(together, name)[row] == pytest.approx(getattr(alone, name), abs=1e-9)
+
+
 def test_a_pose_at_a_sample_is_that_sample():
     generator = np.random.default_rng(1)
     t_ns = times(50)
