@@ -1,6 +1,6 @@
 """Frames of every kind that a bus carries."""
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from vsensor.types import Frame
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -406,11 +407,12 @@ SignalValues = Mapping[str, float]
 """Quantity -> physical value in SI and model signs, NaN = not available. `signals.QUANTITIES` lists them."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Frame:
+class Frame(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """A CAN frame and the time it is due; hashable. `due_ns` of a received frame is its receive time.
 
-    `data` of a remote frame is as many zero bytes as it asks for.
+    `data` of a remote frame is as many zero bytes as it asks for. A struct, for it is built ten times as fast
+    as a frozen dataclass of ten fields (0.2 us instead of 2), and thousands are in a second; changed with
+    `msgspec.structs.replace`.
     """
 
     due_ns: int

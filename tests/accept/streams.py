@@ -1,6 +1,6 @@
 """Streams to be judged, what is done to them, and what is found."""
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from tests.ecu.streams import IDS, stream, with_header
 from vsensor.accept import LimitsConfig, columns_of_frames, judged

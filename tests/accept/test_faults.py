@@ -1,8 +1,7 @@
 """Each fault is found under its name, with its count, and nothing else is."""
 
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 
 from tests.accept.streams import CYCLE_NS, bits, found, spoiled, verdict
 from tests.ecu.streams import (

@@ -1,8 +1,7 @@
 """Layouts that are not the native one: pages, declared bursts, events, placeholders, lines without words."""
 
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 
 from tests.accept.streams import found, verdict
 from tests.bus_values import boundary, estimate

@@ -1,6 +1,6 @@
 """A few seconds of the shipped drive as frames and as logs, for readers that are not ours."""
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from vsensor.codec import decode, load_database, unpack
 from vsensor.config import load_scenario

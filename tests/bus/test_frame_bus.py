@@ -2,10 +2,10 @@
 
 import errno
 import time
-from dataclasses import replace
 
 import can
 import pytest
+from msgspec.structs import replace
 
 from tests.bus_frames import CLASSIC, EXTENDED
 from vsensor.bus import FrameBus, open_bus

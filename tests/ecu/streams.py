@@ -1,8 +1,7 @@
 """Frames of a sensor that sees a lane, made by vsensor's transmitter, and what a bus may do to them."""
 
-from dataclasses import replace
-
 import numpy as np
+from msgspec.structs import replace
 
 from tests.bus_values import PERIOD_NS, boundary, ego, estimate, slot
 from tools.independent_reader import e2e_profile_01

@@ -1,9 +1,8 @@
 """Sensor, vehicle and ECU in one loop, in simulated time: the same every time, on any machine."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from tests.ecu.building import found
 from tests.ecu.lockstep import closed_loop

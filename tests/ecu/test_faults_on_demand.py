@@ -1,9 +1,9 @@
 """Faults injected into the sensor, judged by the ECU: each under its name, and nothing of it afterwards."""
 
 from collections import Counter
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from tests.ecu.building import found, report_on
 from tests.ecu.streams import BETWEEN_NS, START_NS

@@ -1,10 +1,10 @@
 """Many logs into one table: what is wrong is said in one line, the rest is scanned; the same scan goes on."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from tests.field.made_logs import Drive, Road
 from tests.field.sensor_logs import record

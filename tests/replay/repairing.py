@@ -1,6 +1,6 @@
 """Frames of a stream through a repair, without a player."""
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from vsensor.profile import load_profile
 from vsensor.replay.repair import Repair

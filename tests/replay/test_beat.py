@@ -1,10 +1,10 @@
 """Seams and seeks in the rhythm of the images: a strict receiver accepts what a player sends."""
 
-from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from tests.accept.streams import found
 from tests.ecu.building import found as ecu_found

@@ -1,9 +1,9 @@
 """When frames leave, on a simulated clock: deadlines, holding, steps, seeks, stages, recording."""
 
-from dataclasses import replace
 from itertools import pairwise
 
 import pytest
+from msgspec.structs import replace
 
 from tests.replay.playing import MS, play, player_of, write_log
 from vsensor.replay.player import BREATH_NS, BREATHLESS, REST_NS

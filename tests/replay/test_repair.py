@@ -1,9 +1,8 @@
 """Repaired streams in front of a strict receiver: seams, seeks, speeds, lost and changed frames."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from tests.accept.streams import found
 from tests.ecu.streams import IDS, stream

@@ -1,8 +1,7 @@
 """Bursts with a rolling count and one checksum; pages; what a database alone protects; a recorded car."""
 
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 
 from tests.accept.streams import found
 from tests.made_profiles import Sender, profile_of, values

@@ -1,9 +1,8 @@
 """One car's lanes sent as another's: what arrives, when, what is lost, and what is told of it."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from tests.accept.streams import found
 from tests.bus_values import boundary, ego, estimate

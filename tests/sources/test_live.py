@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import structs
 
 from tests.maps import geometry, lane, loaded, road, section
 from tests.vehicle_frames import CYCLE_NS, PLANS, Gateway
@@ -280,7 +281,7 @@ def test_not_available_counts_as_missing_at_once(straight):
 
 def test_a_frame_with_a_wrong_checksum_is_as_if_it_had_not_come(straight):
     frames = motion_frames(1.0, lambda t: 20.0, lambda t: 0.0)
-    spoiled = [replace(f, data=bytes([f.data[0] ^ 1]) + f.data[1:]) for f in frames]
+    spoiled = [structs.replace(f, data=bytes([f.data[0] ^ 1]) + f.data[1:]) for f in frames]
     assert bench(straight, spoiled).run(20).stale
     assert not bench(straight, frames).run(20).stale
 
@@ -288,15 +289,15 @@ def test_a_frame_with_a_wrong_checksum_is_as_if_it_had_not_come(straight):
 @pytest.mark.parametrize("flag", ["is_remote", "is_error", "is_extended"])
 def test_a_frame_of_another_kind_is_not_believed_though_its_bytes_are_right(straight, flag):
     frames = motion_frames(1.0, lambda t: 20.0, lambda t: 0.0)
-    one = bench(straight, [replace(frame, **{flag: True}) for frame in frames])
+    one = bench(straight, [structs.replace(frame, **{flag: True}) for frame in frames])
     assert one.run(20).stale
-    assert not one.source.accepts(replace(frames[0], **{flag: True}))
+    assert not one.source.accepts(structs.replace(frames[0], **{flag: True}))
     assert one.source.accepts(frames[0])
 
 
 def test_a_frame_whose_counter_stands_brings_nothing_new(straight):
     frame = Gateway().motion(0, 20.0, 0.0)
-    frames = [replace(frame, due_ns=k * CYCLE_NS) for k in range(50)]
+    frames = [structs.replace(frame, due_ns=k * CYCLE_NS) for k in range(50)]
     assert bench(straight, frames).run(20).stale == ("ego.speed_mps", "ego.yaw_rate_radps")
 
 
@@ -676,7 +677,8 @@ def test_times_of_another_clock_do_no_harm(straight):
     one = Bench(live(straight))
     for k in range(25):
         wild = [
-            replace(f, due_ns=f.due_ns + (10**18 if k % 2 else -(10**18))) for f in frames[2 * k : 2 * k + 2]
+            structs.replace(f, due_ns=f.due_ns + (10**18 if k % 2 else -(10**18)))
+            for f in frames[2 * k : 2 * k + 2]
         ]
         one.state, snapshot = one.source.advance(one.state, tick(k), wild)
         assert snapshot.stale == ()

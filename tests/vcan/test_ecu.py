@@ -6,10 +6,10 @@ import signal
 import subprocess
 import time
 from contextlib import contextmanager
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from tests.ecu.building import built_ecu, found
 from tests.ecu.streams import IDS, START_NS, changed, crc_wrong, doubled, lane, lost, stream, truncated

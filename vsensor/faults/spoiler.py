@@ -8,7 +8,8 @@ the state after the tick.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from vsensor.e2e.field import reader, writer
 from vsensor.faults.spoiled import NOT_SPOILED, Spoiled

@@ -10,8 +10,10 @@ waits for one.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Protocol
+
+from msgspec.structs import replace
 
 from vsensor.clock import Clock
 from vsensor.errors import SessionError

@@ -7,8 +7,10 @@ Frames that carry the pose, or motion that cannot be written back, are left out.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import isfinite
+
+from msgspec.structs import replace
 
 from vsensor.codec import pack, unpack
 from vsensor.profile import Binding, MessagePlan, Profile

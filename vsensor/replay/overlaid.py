@@ -10,9 +10,10 @@ clock pass in 4 ms. Its clock, counters and images go on over seams and seeks; t
 
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 from fractions import Fraction
 from typing import NamedTuple, Protocol
+
+from msgspec.structs import replace
 
 from vsensor.overlay import KEPT, Desk, Made, MovedFrames, Wish
 from vsensor.replay.reel import Piece, Reel

@@ -2,10 +2,10 @@
 
 import contextlib
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
+from msgspec.structs import replace
 
 from vsensor.config import load_scenario
 from vsensor.logs import Columns, LogTable, Notes, iter_chunks

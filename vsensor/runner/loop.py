@@ -5,6 +5,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Protocol
 
+from msgspec import structs
+
 from vsensor.clock import Clock
 from vsensor.faults import Clear, Command, Fault, Inject
 from vsensor.line import Line
@@ -169,4 +171,4 @@ def run_loop(
 
 def _since(start_ns: int, frame: Frame) -> Frame:
     """Return a frame with its receive time counted from slot 0, as the source takes it."""
-    return replace(frame, due_ns=frame.due_ns - start_ns)
+    return structs.replace(frame, due_ns=frame.due_ns - start_ns)

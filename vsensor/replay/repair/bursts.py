@@ -5,8 +5,9 @@ the checksum covers are still to come: then it waits for them, as long as `hold_
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import NamedTuple
+
+from msgspec.structs import replace
 
 from vsensor.profile import Burst, FrameKey
 from vsensor.replay.repair.patch import Patch

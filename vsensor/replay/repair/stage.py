@@ -5,8 +5,9 @@ frame ──► message known? ──► image: index, ms ──► counter ─�
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import NamedTuple
+
+from msgspec.structs import replace
 
 from vsensor.profile import FrameKey, Profile
 from vsensor.replay.repair.bursts import BurstState, collected, entered

@@ -7,8 +7,9 @@ log ──► frame of the source? ─no─────────────�
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import NamedTuple
+
+from msgspec.structs import replace
 
 from vsensor.errors import ConfigError
 from vsensor.profile import Profile
