@@ -21,9 +21,10 @@ from vsensor.signals import VehicleConfig
 from vsensor.sources import LOG_SUFFIXES, MAP_SUFFIXES
 from vsensor.sources.drive import DriveConfig
 from vsensor.sources.listening import ListenConfig
-from vsensor.sources.map_drive import EgoConfig, EnvironmentConfig
+from vsensor.sources.map_drive import EgoConfig
 from vsensor.sources.standing import ObstacleConfig
 from vsensor.sources.traffic import TrafficConfig
+from vsensor.sources.weather import EnvironmentConfig
 from vsensor.state import StateConfig
 from vsensor.tracker import TrackerConfig
 from vsensor.world.laid_road import LaidRoadConfig

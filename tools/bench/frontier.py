@@ -175,7 +175,7 @@ def drive_of(scenario: Scenario, spacing_m: float) -> MapDrive:
     config = scenario.config
     start = structs.replace(config.ego.corridor(), spacing_m=spacing_m)
     corridor = Corridor(load_map(scenario.source), start)
-    environment = config.environment.environment()
+    environment = config.environment.weather()
     return MapDrive(corridor, config.ego, config.traffic, environment, config.scene.range_m)
 
 

@@ -61,12 +61,15 @@ def _condition(rule: Rule) -> str:
 
 def error_findings(scenario: Scenario, line: Line) -> list[str]:
     """Say where the drive leaves what the model knows; nothing of a drive that a bus moves."""
-    law, speeds = line.sensor.law, _speeds_mps(scenario, line)
+    law, found = line.sensor.law, []
+    times, speeds = _speeds_mps(scenario, line)
     if law is None or not len(speeds):
         return []
-    environment, found = scenario.config.environment.environment(), []
-    night, rain = environment.light is Light.NIGHT, environment.rain
-    names = [law.name_at(Conditions(speed_mps=v, night=night, rain=rain)) for v in speeds.tolist()]
+    weather = [scenario.config.environment.weather().at(t_s) for t_s in times.tolist()]
+    names = [
+        law.name_at(Conditions(speed_mps=speed, night=seen.light is Light.NIGHT, rain=seen.rain))
+        for speed, seen in zip(speeds.tolist(), weather, strict=True)
+    ]
     for name in dict.fromkeys(names):
         model, mine = law.library.models[name], speeds[[one == name for one in names]]
         low, high = float(model.speed_mps[0]), float(model.speed_mps[-1])
@@ -111,15 +114,16 @@ def _kmh(speeds_mps: Array) -> str:
     return f"{low:.0f} km/h" if round(low) == round(high) else f"{low:.0f} to {high:.0f} km/h"
 
 
-def _speeds_mps(scenario: Scenario, line: Line) -> Array:
-    """Return the speeds of the drive, evenly in time; none where what moves it is not known before."""
+def _speeds_mps(scenario: Scenario, line: Line) -> tuple[Array, Array]:
+    """Return times of the drive, evenly, and its speeds; none where what moves it is not known before."""
     source = line.source
     end_s = scenario.config.duration_s or source.duration_s
     times = np.linspace(0.0, min(end_s, LONGEST_S), AT_MOST)
     if isinstance(source, MapDrive):
-        return np.array([source.speed_mps(t_s) for t_s in times.tolist()])
+        return times, np.array([source.speed_mps(t_s) for t_s in times.tolist()])
     if isinstance(source, RecordedDrive):
         path = source.drive.path
         at_ns = path.t_ns[0] + (times * NANOSECONDS_PER_SECOND).astype(np.int64)
-        return np.array([path.at(int(t_ns)).speed_mps for t_ns in at_ns[at_ns <= path.t_ns[-1]]])
-    return np.zeros(0)
+        known = at_ns <= path.t_ns[-1]
+        return times[known], np.array([path.at(int(t_ns)).speed_mps for t_ns in at_ns[known]])
+    return np.zeros(0), np.zeros(0)

@@ -56,7 +56,7 @@ def build_source(scenario: Scenario) -> Source:
     config, path = scenario.config, scenario.source
     if not path.is_file():
         raise ConfigError(f"{scenario.path or 'source'}: source = {config.source!r}: no such file {path}")
-    environment = config.environment.environment()
+    environment = config.environment.weather()
     reach_m = config.scene.range_m
     if path.suffix.lower() in LOG_SUFFIXES:
         _require_lane(config)

@@ -73,7 +73,7 @@ def _source(scenario: Scenario, read: Read | None, take_over_ns: int | None) -> 
     config, profiles = scenario.config, vehicle_profiles(scenario)
     drive = drive_of(read(drive_keys(profiles)), profiles, config.drive)
     road = lay_road(config.road, drive.path, config.drive.offset_m)
-    environment, reach_m = config.environment.environment(), config.scene.range_m
+    environment, reach_m = config.environment.weather(), config.scene.range_m
     recorded = RecordedDrive(drive, road, environment, reach_m)
     return Following(recorded) if take_over_ns is None else _taking_over(scenario, recorded, take_over_ns)
 

@@ -15,6 +15,7 @@ from vsensor.profile import Profile
 from vsensor.schema import Config
 from vsensor.sources import Inputs
 from vsensor.sources.profiles import profiles_of
+from vsensor.sources.weather import Weather
 from vsensor.types import (
     NANOSECONDS_PER_SECOND,
     Array,
@@ -206,12 +207,12 @@ class RecordedDrive:
         self,
         drive: Drive,
         road: LaidRoad,
-        environment: Environment | None = None,
+        environment: Environment | Weather | None = None,
         range_m: float = 100.0,
     ) -> None:
         self.drive = drive
         self.road = road
-        self._environment = environment if environment is not None else Environment()
+        self._weather = Weather.of(environment)
         self._view_m = LONGER_THAN_X * range_m + BEHIND_M
         self._start_ns = int(drive.path.t_ns[0])
         self._stop_ns = int(drive.path.t_ns[-1])
@@ -223,7 +224,7 @@ class RecordedDrive:
         config: DriveConfig,
         road: LaidRoadConfig,
         folder: Path = Path(),
-        environment: Environment | None = None,
+        environment: Environment | Weather | None = None,
         range_m: float = 100.0,
     ) -> "RecordedDrive":
         """Read a log and lay its road; raises as `load_drive`."""
@@ -269,5 +270,5 @@ class RecordedDrive:
         )
         s_m = pose.s_m if s_m is None else s_m
         markings = self.road.markings_window(s_m - BEHIND_M, s_m + self._view_m)
-        scene = Scene(markings=markings, environment=self._environment)
+        scene = Scene(markings=markings, environment=self._weather.at(t_ns / NANOSECONDS_PER_SECOND))
         return Snapshot(t_ns=t_ns, ego=ego, scene=scene)

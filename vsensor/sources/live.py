@@ -145,7 +145,7 @@ class LiveDrive:
         troubles = [name for name in missing if name in listened.quantities]
         troubles += [OFF_ROUTE] * (not after.foot.is_on_route)
         stale = tuple(name for name in missing if name not in self._unsensed)
-        scene = replace(snapshot.scene, environment=self._seen(listened))
+        scene = replace(snapshot.scene, environment=self._seen(listened, tick))
         return _noted(after, tuple(troubles), tick), replace(snapshot, scene=scene, stale=stale)
 
     def remarks(self, state: LiveState) -> tuple[str, ...]:
@@ -181,10 +181,11 @@ class LiveDrive:
         is_awaited = name in self._needs or name in listened.quantities
         return is_awaited and self.listener.is_missing(listened, name)
 
-    def _seen(self, listened: Listened) -> Environment:
+    def _seen(self, listened: Listened, tick: Tick) -> Environment:
         """Return light and rain: the bus's where it has told of them, else the scenario's."""
         known = {name: heard.value for name, heard in listened.quantities.items() if name in ENVIRONMENT}
-        light, rain = self.drive.environment.light, self.drive.environment.rain
+        told = self.drive.weather.at(tick.t_ns * 1e-9)
+        light, rain = told.light, told.rain
         if LIGHT in known:
             light = Light(int(known[LIGHT]))
         elif LOW_BEAM in known:

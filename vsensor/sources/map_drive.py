@@ -13,8 +13,9 @@ from vsensor.sources import Inputs
 from vsensor.sources.shapes import Shapes
 from vsensor.sources.standing import ObstacleConfig, Standing
 from vsensor.sources.traffic import MPS_PER_KMH, TrafficConfig, vehicle
+from vsensor.sources.weather import Weather
 from vsensor.transforms import rotation_from_rpy, rpy_from_rotation
-from vsensor.types import Array, EgoState, Environment, Light, Obstacle, Scene, Snapshot, Tick, frozen
+from vsensor.types import Array, EgoState, Environment, Obstacle, Scene, Snapshot, Tick, frozen
 from vsensor.world.corridor import Corridor, Poses
 from vsensor.world.opendrive import load_map
 from vsensor.world.profiles import LinearProfile, Points, SmoothProfile
@@ -61,17 +62,6 @@ class EgoConfig(Config, frozen=True, kw_only=True):
         )
 
 
-class EnvironmentConfig(Config, frozen=True, kw_only=True):
-    """`[environment]`: light and rain (0 dry to 1 heaviest)."""
-
-    light: Literal["day", "dusk", "night"] = "day"
-    rain: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.0
-
-    def environment(self) -> Environment:
-        """Return the value that the scene carries."""
-        return Environment(light=Light[self.light.upper()], rain=self.rain)
-
-
 class MapDrive:
     """The source of a drive over a map; everything follows from the time alone, so the state is None."""
 
@@ -80,7 +70,7 @@ class MapDrive:
         corridor: Corridor,
         ego: EgoConfig | None = None,
         traffic: tuple[TrafficConfig, ...] = (),
-        environment: Environment | None = None,
+        environment: Environment | Weather | None = None,
         range_m: float = 100.0,
         obstacles: tuple[ObstacleConfig, ...] = (),
         folder: Path = Path(),
@@ -100,7 +90,7 @@ class MapDrive:
         shapes = Shapes(folder)
         self._vehicles = tuple(vehicle(config, number, shapes) for number, config in enumerate(traffic))
         self._standing = Standing(corridor, obstacles, shapes, first_id=len(traffic))
-        self.environment = environment if environment is not None else Environment()
+        self.weather = Weather.of(environment)
         self._view_m = LONGER_THAN_X * range_m + BEHIND_M
         self._lane_offsets: dict[tuple[int, int], float] = {}
 
@@ -110,7 +100,7 @@ class MapDrive:
         path: Path,
         ego: EgoConfig,
         traffic: tuple[TrafficConfig, ...],
-        environment: Environment,
+        environment: Environment | Weather,
         range_m: float,
         obstacles: tuple[ObstacleConfig, ...] = (),
         folder: Path = Path(),
@@ -166,7 +156,7 @@ class MapDrive:
             markings=self.corridor.markings_window(*view),
             surface=self.corridor.surface_window(*view),
             obstacles=self._obstacles(t_s, s_m) + self._standing.near(s_m, self._view_m),
-            environment=self.environment,
+            environment=self.weather.at(t_s),
         )
 
     def start(self) -> EgoState:
