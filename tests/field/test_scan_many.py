@@ -1,6 +1,7 @@
 """Many logs into one table: what is wrong is said in one line, the rest is scanned; the same scan goes on."""
 
 import re
+import sys
 
 import numpy as np
 import pytest
@@ -229,3 +230,12 @@ def test_scan_and_table_show_hours_rows_and_masks(logs, tmp_path, capsys):
 def test_a_reference_that_is_no_map_is_refused(capsys):
     assert main(["scan", "x.blf", "--out", "t", "--reference", "map", "x.csv"]) == 2
     assert "an OpenDRIVE map (.xodr) was expected" in capsys.readouterr().err
+
+
+def test_without_polars_one_line_says_how_it_is_installed(logs, tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "polars", None)
+    assert main(["scan", str(logs / "one.blf"), "--out", str(tmp_path / "table")]) == 2
+    told = capsys.readouterr().err
+    assert "pip install 'vsensor[parquet]'" in told
+    assert len(told.splitlines()) == 1
+    assert not (tmp_path / "table").exists()
