@@ -158,3 +158,9 @@ def test_a_silence_of_the_vehicle_is_told_and_left_out(tmp_path):
 def _scan(folder):
     info = scan_log(folder / "drive.blf", "drive", folder / "table", ScanOptions())
     return open_table([folder / "table"]).scan().collect(), info
+
+
+def test_a_log_of_which_nothing_can_be_used_says_why(tmp_path):
+    rows, info = scanned(tmp_path, Drive(road=LONG, seconds=3, speed_mps=2.0))
+    assert len(used(rows)) == 0
+    assert info["notes"][-1] == f"none of its rows can be used: low_speed {len(rows)}"

@@ -19,7 +19,7 @@ from vsensor.field.motion import Motion, motion_of, with_steady_clock
 from vsensor.field.on_map import MapReference
 from vsensor.field.reference import PathReference, Poses, Reference, need_poses, poses_in_log
 from vsensor.field.rows import Work, course_of, lane_width_m, rows_of
-from vsensor.field.table import MASKS, Info, Rows, write_table
+from vsensor.field.table import MASKS, Info, Masked, Rows, write_table
 from vsensor.logs import read_log
 from vsensor.logs.decode import DecodedFrames, decode_frames
 from vsensor.profile import Profile, load_profiles
@@ -79,6 +79,9 @@ def scan_log(log: Path, log_id: str, out: Path, options: ScanOptions) -> Info:
             counts.__iadd__(np.bincount(rows["masked"], minlength=len(MASKS)))
             info["masked"] = _named(counts)
             yield rows
+        if not counts[MASKS.index(Masked.USED)]:
+            reasons = ", ".join(f"{name} {count}" for name, count in info.get("masked", {}).items())
+            info["notes"].append(f"none of its rows can be used: {reasons}")
 
     if options.plots is not None:
         from vsensor.field.scan_plot import draw_log
