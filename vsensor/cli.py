@@ -671,7 +671,7 @@ def _command(
 ) -> argparse.ArgumentParser:
     added = commands.add_parser(
         name,
-        help=text.split("\n", 1)[0],
+        help=text.split("\n", 1)[0].replace("%", "%%"),
         description=text,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
