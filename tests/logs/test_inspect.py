@@ -312,6 +312,21 @@ def test_a_single_frame_is_json_without_nan(tmp_path):
     assert json.loads((tmp_path / "x.json").read_text())["messages"][0]["cycle_ms"] is None
 
 
+def test_frames_of_one_time_make_no_load(tmp_path, capsys):
+    write(tmp_path / "x.log", cyclic(0x100, [0.0, 0.0]))
+    assert main(["log", str(tmp_path / "x.log"), "--json", str(tmp_path / "x.json")]) == 0
+    assert "load unknown: all frames have one time" in capsys.readouterr().out
+    assert json.loads((tmp_path / "x.json").read_text())["channels"][0]["load"] is None
+
+
+def test_the_log_that_is_inspected_is_not_written_over(tmp_path, capsys):
+    log = write(tmp_path / "x.log", cyclic(0x100, [0.0, 10.0]))
+    before = log.read_bytes()
+    assert main(["log", str(log), "--json", str(log)]) == 2
+    assert log.read_bytes() == before
+    assert "is the log that is read" in capsys.readouterr().err
+
+
 def test_a_cut_log_is_told_of_and_inspected_up_to_there(tmp_path, lanes):
     whole = lanes.read_bytes()
     (tmp_path / "cut.blf").write_bytes(whole[: len(whole) // 2])

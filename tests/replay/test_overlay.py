@@ -78,6 +78,15 @@ def test_the_cars_frames_are_those_of_the_log_and_the_sensors_ids_hold_the_new_o
     np.testing.assert_array_equal(since[~of_sensor(once)], (log.t_ns - log.t_ns[0])[kept])
 
 
+def test_the_ids_under_which_frames_leave_tell_what_the_sensor_replaces(folder, once):
+    table = replayed(folder, "named.log", "--rename", "0x320=0x222,0x111=0x321")
+    assert (table.arbitration_id == 0x222).sum() == (
+        read_log(folder / "drive.log").arbitration_id == 0x320
+    ).sum()
+    assert of_sensor(table).sum() == of_sensor(once).sum()
+    assert errors(folder / "named.log") == {}
+
+
 def test_images_are_40_ms_apart(once):
     times = once.t_ns[once.arbitration_id == IDS[0]]
     assert set(np.diff(times).tolist()) == {40_000_000}

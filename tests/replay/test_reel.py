@@ -121,3 +121,12 @@ def test_findings_are_those_of_one_pass(tmp_path):
         "1 timestamps run backwards",
         "1 lines are no CAN frames, first line 6",
     ]
+
+
+@pytest.mark.parametrize("times_ms", [[5000], [5000, 5000]])
+def test_a_log_in_which_no_time_passes_is_looped_only_at_a_rate(tmp_path, times_ms):
+    still = write_log(tmp_path / "still.log", times_ms)
+    with pytest.raises(LogError, match="no pace to loop at; --rate HZ"):
+        reel_of(still, cut=Cut(loops=3))
+    count = len(times_ms) * 3
+    assert dues(reel_of(still, cut=Cut(loops=3, rate_hz=100.0))) == [10.0 * k for k in range(count)]

@@ -159,6 +159,14 @@ def test_frames_of_the_pose_are_left_out_and_others_left_alone():
         (("--take-over", "1", "--overlay", "lanes.toml", "--speed", "2"), "--take-over and --speed exclude"),
         (("--take-over", "1", "--overlay", "live_bench"), "a log as source was expected, not a map"),
         (("--take-over", "noon", "--overlay", "lanes.toml"), "--take-over noon: s, or a time such as"),
+        (
+            ("--take-over", "60", "--overlay", "lanes.toml"),
+            "--take-over 60: what is played ends before, at 5.98",
+        ),
+        (
+            ("--take-over", "3", "--stop", "2", "--overlay", "lanes.toml"),
+            "--take-over 3: what is played ends before, at 2.0",
+        ),
     ],
 )
 def test_a_take_over_that_cannot_be_is_refused_in_one_line(folder, words, said, capsys, monkeypatch):

@@ -56,7 +56,10 @@ class MessageSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelSummary:
-    """One bus: frames of all kinds; `load`: part of the time they take, with no and with most stuff bits."""
+    """One bus: frames of all kinds; `load`: part of the time they take, with no and with most stuff bits.
+
+    NaN where all frames of the log have one time.
+    """
 
     name: str
     frames: int
@@ -164,7 +167,7 @@ def _message(
 def _channels(
     columns: Columns, names: tuple[str, ...], bitrate_bps: float, data_bitrate_bps: float
 ) -> Iterable[ChannelSummary]:
-    seconds = max(float(columns.t_ns.max() - columns.t_ns.min()) / 1e9, 1e-9)
+    seconds = float(columns.t_ns.max() - columns.t_ns.min()) / 1e9 or np.nan
     for number in np.unique(columns.channel).tolist():
         own = columns.taken(columns.channel == number)
         load = [0.0, 0.0]
@@ -176,6 +179,9 @@ def _channels(
 
 def write_json(path: Path, summary: LogSummary) -> None:
     """Write a summary; raises LogError."""
+    log = Path(summary.report.path)
+    if path.exists() and log.exists() and path.samefile(log):
+        raise LogError(f"{path}: is the log that is read, so it cannot be written over")
     text = json.dumps(as_json(summary), indent=1) + "\n"
     with Replacing(path) as part:
         try:
@@ -185,7 +191,7 @@ def write_json(path: Path, summary: LogSummary) -> None:
 
 
 def as_json(summary: LogSummary) -> dict[str, Any]:
-    """Return a summary as plain values; a time that there is not is null."""
+    """Return a summary as plain values; a time or load that there is not is null."""
     report = summary.report
     return {
         "schema": "vsensor.log/1",
@@ -202,7 +208,12 @@ def as_json(summary: LogSummary) -> dict[str, Any]:
         "bitrate_bps": summary.bitrate_bps,
         "data_bitrate_bps": summary.data_bitrate_bps,
         "channels": [
-            {"name": one.name, "frames": one.frames, "load": one.load[0], "load_at_most": one.load[1]}
+            {
+                "name": one.name,
+                "frames": one.frames,
+                "load": _number(one.load[0]),
+                "load_at_most": _number(one.load[1]),
+            }
             for one in summary.channels
         ],
         "messages": [_message_json(one) for one in summary.messages],

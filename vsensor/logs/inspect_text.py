@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 
-from vsensor.logs.inspect import LogSummary, MessageSummary
+from vsensor.logs.inspect import ChannelSummary, LogSummary, MessageSummary
 
 _HEAD = ("id", "name", "frames", "bytes", "cycle ms", "p99 +-", "gaps", "dupl.", "found")
 
@@ -13,14 +13,19 @@ def text_lines(summary: LogSummary) -> Iterator[str]:
     yield from summary.report.lines()
     for channel in summary.channels:
         own = [message for message in summary.messages if message.channel == channel.name]
-        low, high = channel.load
-        rate = f"{summary.bitrate_bps / 1e3:g} kbit/s"
         yield ""
         yield (
             f"channel {channel.name}: {channel.frames} frames, {len(own)} ids, "
-            f"load {low:.1%} to {high:.1%} at {rate}"
+            f"{_load(channel, summary.bitrate_bps)}"
         )
         yield from _table(own)
+
+
+def _load(channel: ChannelSummary, bitrate_bps: float) -> str:
+    low, high = channel.load
+    if math.isnan(low):
+        return "load unknown: all frames have one time"
+    return f"load {low:.1%} to {high:.1%} at {bitrate_bps / 1e3:g} kbit/s"
 
 
 def _table(messages: list[MessageSummary]) -> Iterator[str]:

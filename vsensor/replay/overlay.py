@@ -8,6 +8,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from vsensor.config import load_scenario
+from vsensor.errors import ConfigError
 from vsensor.logs import Columns, LogTable, Notes, iter_chunks
 from vsensor.logs.table import joined, table_from
 from vsensor.overlay import (
@@ -23,7 +24,7 @@ from vsensor.overlay import (
     synth_of,
     vehicle_profiles,
 )
-from vsensor.replay.choice import EXTENDED_KEY, keys_of
+from vsensor.replay.choice import EXTENDED_KEY, Choice, keys_of
 from vsensor.replay.options import ReplayOptions, log_time_ns, speed_of
 from vsensor.replay.overlaid import Lay, Overlaid, Steered
 from vsensor.replay.player import Player, Sending
@@ -77,11 +78,11 @@ class Overlay:
         self._over: Overlaid | None = None
         self._ears: Listening | None = None
 
-    def without_camera(self, sendable: Sendable) -> Sendable:
-        """Return `sendable` that leaves out the sensor's own messages, too, and counts them."""
+    def without_camera(self, sendable: Sendable, chosen: Choice) -> Sendable:
+        """Return `sendable` that leaves out what would leave as the sensor's own messages, and counts it."""
 
         def rest(columns: Columns) -> BoolArray:
-            own = np.isin(keys_of(columns), self._keys)
+            own = np.isin(keys_of(chosen.renamed(columns)), self._keys)
             self.removed += int(np.count_nonzero(own))
             mask: BoolArray = ~own
             if mask.any():
@@ -140,6 +141,7 @@ def open_overlay(
     if options.take_over is not None:
         over_ns = log_time_ns("--take-over", options.take_over, head.start_ns)
     synth = synth_of(scenario, lambda ids: _table(options, cut, ids), over_ns)
+    _require_reached(options, synth, cut, head)
     frames = None if over_ns is None else MovedFrames(vehicle_profiles(scenario))
     keys = camera_keys(synth.line)
     lay = Lay(
@@ -155,6 +157,17 @@ def open_overlay(
     overlay = Overlay(synth, lay, frames, in_place=options.fast)
     stack.callback(overlay.close)
     return overlay
+
+
+def _require_reached(options: ReplayOptions, synth: Synth, cut: Cut, head: Survey) -> None:
+    """Refuse a take-over behind what is played: the ECU would never steer."""
+    source = synth.source
+    if not isinstance(source, TakingOver):
+        return
+    ends = [int(source.drive.drive.path.t_ns[-1]), *([] if cut.stop_ns is None else [cut.stop_ns])]
+    if source.from_ns >= min(ends):
+        ends_s = (min(ends) - head.start_ns) / 1e9
+        raise ConfigError(f"--take-over {options.take_over}: what is played ends before, at {ends_s:.3f} s")
 
 
 def _table(options: ReplayOptions, cut: Cut, ids: Ids) -> LogTable:

@@ -120,7 +120,10 @@ class Reel:
         self._sendable = sendable
         self._first_ns = head.start_ns
         self.start_ns = head.start_ns if self._cut.start_ns is None else self._cut.start_ns
-        self.seam_ns = seam_of(head.m_ns)
+        rate_hz = self._cut.rate_hz
+        self.seam_ns = seam_of(head.m_ns) if rate_hz is None else round(1e9 / rate_hz)
+        if not self.seam_ns and self._cut.loops != 1:
+            raise LogError(f"{path}: no time passes in it, so it has no pace to loop at; --rate HZ gives one")
         self.fault: str | None = None  # why reading ended before the log did
         self._loop = self._read = self._judged = 0
         self._found: list[str] = []

@@ -64,7 +64,7 @@ def replay_log(
         if overlay is None:
             cut = replace(cut, beat=_beat(changes.profiles, head, chosen))
         outputs = open_outputs(options, head, chosen, stack, overlay, adds_fd=changes.adds_fd)
-        sendable = outputs.sendable if overlay is None else overlay.without_camera(outputs.sendable)
+        sendable = outputs.sendable if overlay is None else overlay.without_camera(outputs.sendable, chosen)
         reel = _reel(options, head, chosen, cut, sendable)
         sending = outputs if overlay is None else overlay.listening(outputs)
         clock = _clock(options)
