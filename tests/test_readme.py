@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from tests.vehicle_frames import Gateway
+from tools.made_drives import drive_cells, made
 from vsensor.cli import main
 from vsensor.config import SHIPPED, ScenarioConfig
 from vsensor.sinks.trace_file import COLUMNS, SCHEMA
@@ -84,7 +85,21 @@ def folder(tmp_path_factory):
         name = re.match(r"# (\S+\.toml)\n", block)
         assert name, f"a toml block without its name:\n{block}"
         (path / name[1]).write_text(block, encoding="utf-8")
+    make_logs(path)
     return path
+
+
+def make_logs(path):
+    """Lay drives of a known law at 75 to 80 km/h: five of a minute to learn from, two to judge by."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tools.made_drives.SLOWEST_KMH", 75.0)
+        patch.setattr("tools.made_drives.FASTEST_KMH", 80.0)
+        for name, minutes, first in (("drives", 5, 1), ("later_drives", 2, 50)):
+            for cell in drive_cells(path / name, minutes / 60.0, first_seed=first, drive_s=60.0):
+                made(cell)
+    later = path / "later_drives"
+    words = ["scan", str(later), "--reference", "map", str(later / "map.xodr"), "--workers", "1", "--quiet"]
+    assert main([*words, "--out", str(path / "later")]) == 0
 
 
 def shortened(words):
@@ -120,7 +135,7 @@ def results(folder):
 
 OFFERED = (
     *("run", "check", "decode", "convert", "log", "score", "accept", "sweep", "replay", "gateway", "profile"),
-    *("scan", "table"),
+    *("scan", "table", "tune", "validate", "density", "influence"),
 )
 VSENSOR = [command for command in commands() if command.startswith("vsensor ")]
 MAKE = [command for command in commands() if command.startswith("make ")]
@@ -276,6 +291,16 @@ def test_the_limits_of_a_scan_are_those_of_the_program_with_their_defaults():
             assert tomllib.loads(f"x = {said[field.encode_name]}")["x"] == field.default
 
 
+def test_the_limits_of_a_validation_are_those_of_the_program_with_their_defaults():
+    from vsensor.field.validate.judge import ValidateLimits
+
+    said = {
+        codes(row[0])[0]: float(row[1].strip("`"))
+        for row in table("| limit of a validation | default | what |")
+    }
+    assert said == {one.encode_name: one.default for one in msgspec.inspect.type_info(ValidateLimits).fields}
+
+
 def test_the_codes_of_the_trace_are_those_of_the_program():
     said = {codes(row[0])[0]: row[2] for row in table("| column of the trace | unit | what |")}
     sides = ", ".join(f"{side.value} {name.replace('_', ' ')}" for side, name in SIDE_NAMES.items())
@@ -290,10 +315,11 @@ def test_the_schemas_are_those_of_the_program():
     from vsensor.error_model import SCHEMA as ERROR_MODEL
     from vsensor.field.config import SCHEMA as SCAN
     from vsensor.field.table import SCHEMA as TABLE
+    from vsensor.field.validate.judge import SCHEMA as VALIDATE
     from vsensor.profile import SCHEMA as PROFILE
 
     said = {codes(row[1])[0] for row in table("| file | schema | what |")}
-    assert said == {SCENARIO, PROFILE, ERROR_MODEL, LIMITS, SCAN, TABLE, SCHEMA}
+    assert said == {SCENARIO, PROFILE, ERROR_MODEL, LIMITS, SCAN, VALIDATE, TABLE, SCHEMA}
 
 
 def test_the_frame_table_has_the_messages_of_the_native_dbc_with_their_ids():

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tools.bench import errors, loop, report_replay, report_timing, scans
+from tools.bench import errors, loop, report_replay, report_timing, scans, tuning
 from tools.bench.tables import table
 
 Report = Mapping[str, Any]
@@ -212,6 +212,7 @@ TARGETS = {
     "occlusion": _occlusion,
     "memory": _memory,
     "scan": scans.targets,
+    "tune": tuning.targets,
 }
 SECTIONS = {
     "demo_tick": lambda demo: "## The demo tick\n\n" + _stages(demo["stages_p50_ms"]),
@@ -223,4 +224,5 @@ SECTIONS = {
     "growth": _growth_page,
     "hard_cases": _hard_page,
     "scan": scans.page,
+    "tune": tuning.page,
 }
