@@ -192,7 +192,7 @@ when: of --candidates, such as drives that are not learned from yet, otherwise o
 """
 
 INFLUENCE_HELP = """\
-What the error depends on: the share of it that each dimension explains, with 95 % intervals.
+What the error depends on: the share of it that each dimension explains, with its interval.
 
   vsensor influence table
   vsensor influence table --as-published      P1's table of principal components before it

@@ -20,7 +20,7 @@ from vsensor.field.validate.place import LawTable, Placed
 from vsensor.field.virtual import FitSetting, VirtualSensor, models_of
 from vsensor.types import Array
 
-BLOCK_NS = 60_000_000_000
+BLOCK_NS = 20_000_000_000
 DRAWS = 4
 """Virtual drives beside each recorded one: one against another shows what chance alone does."""
 

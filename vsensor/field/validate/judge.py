@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 from scipy.special import kolmogorov, ndtri
+from scipy.stats import t as student
 from scipy.stats import wasserstein_distance
 
 from vsensor.error_model import ErrorModel
@@ -162,7 +163,8 @@ def _judged(one: Found, place: int, held: HeldOut, limits: ValidateLimits) -> Ju
 def _shares(counts: np.ndarray) -> tuple[Array, Array, float]:
     """Return the shares at or below each quantile (K,), half their 95 % interval, the effective count.
 
-    `counts` (B, K + 1) by blocks; the variance is that of the block bootstrap.
+    `counts` (B, K + 1) by blocks; the variance is that of the block bootstrap, widened as Student's t where
+    the blocks are few.
     """
     below = np.cumsum(counts, axis=1)[:, :-1].astype(np.float64)
     rows = counts.sum(axis=1).astype(np.float64)
@@ -170,11 +172,12 @@ def _shares(counts: np.ndarray) -> tuple[Array, Array, float]:
     share = below.sum(axis=0) / total
     blocks = total**2 / max(float((rows**2).sum()), 1.0)
     variance = ((below - share * rows[:, None]) ** 2).sum(axis=0) / total**2
-    variance *= blocks / max(blocks - 1.0, 0.5)
+    normal = ndtri(0.975)
+    variance *= blocks / max(blocks - 1.0, 0.5) * (student.ppf(0.975, max(blocks - 1.0, 1.0)) / normal) ** 2
     middle = int(np.argmin(np.abs(share - 0.5)))
     spread = share[middle] * (1.0 - share[middle])
     effective = spread / variance[middle] if variance[middle] > 0.0 else total
-    return share, np.asarray(ndtri(0.975) * np.sqrt(variance)), float(effective)
+    return share, np.asarray(normal * np.sqrt(variance)), float(effective)
 
 
 def _coverage(model: ErrorModel, shares: Array, half: Array, limits: ValidateLimits) -> list[Check]:
