@@ -236,6 +236,34 @@ def test_a_signal_outside_its_message_is_refused(tmp_path):
         layout_of(tmp_path, 'S : 60|8@1+ (1,0) [0|0] ""')
 
 
+TWO_OF_A_NAME = {
+    "two messages are named M, with ids 0x1 and 0x2": "BO_ 1 M: 8 A\n\nBO_ 2 M: 8 A\n",
+    "M: two signals are named S, start bits 0 and 8": (
+        'BO_ 1 M: 8 A\n SG_ S : 0|8@1+ (1,0) [0|0] "" B\n SG_ S : 8|8@1+ (1,0) [0|0] "" B\n'
+    ),
+}
+
+
+@pytest.mark.parametrize(("said", "text"), TWO_OF_A_NAME.items(), ids=["messages", "signals"])
+def test_two_of_one_name_are_refused_not_overwritten(tmp_path, said, text):
+    with pytest.raises(DbcError, match=said):
+        database(tmp_path, text)
+
+
+def test_two_messages_of_one_id_are_a_finding_and_nothing_else_is_printed(tmp_path, caplog):
+    found = audit(database(tmp_path, "BO_ 1 M: 8 A\n\nBO_ 1 N: 8 A\n\nBO_ 2147483649 X: 8 A\n"))
+    assert [line for line in found if "id" in line] == ["M and N have the same id"]
+    assert caplog.records == []
+
+
+def test_a_refusal_does_not_drive_the_terminal(tmp_path):
+    path = tmp_path / "binary.dbc"
+    path.write_bytes(b"\x1b[31m\x07\x9b")
+    with pytest.raises(DbcError) as caught:
+        load_database(path)
+    assert str(caught.value).isprintable()
+
+
 def refusal(path):
     """Return what a database is refused with, None if it is read."""
     try:

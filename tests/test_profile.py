@@ -329,6 +329,7 @@ LINE = "[messages.LDS_LeftLine]\ncycle_ms = 40\n[messages.LDS_LeftLine.signals]\
             "is the CRC or counter of this message",
         ),
         (LINE + 'LeftOffset = { quantity = "left.offset_m", sign = -1 }', "unknown key"),
+        (LINE + 'LeftQuality = "left.kind"', "0 to 7, no room for road_edge, curb, unknown; give a table"),
         ("[messages]", "messages: at least one was expected"),
         (
             LINE + 'LeftOffset = "left.offset_m"\n[geometry]\norigin = "rear"',

@@ -191,3 +191,22 @@ def test_in_real_time_others_on_the_bus_hear_it_and_a_pause_drops_no_slot():
         assert heard == sent
         assert sent.count(0x320) - sent.count(0x322) == 1
         assert session.summary().dropped_slots + len(set(sent)) >= 13
+
+
+def test_a_fault_that_never_was_cannot_be_cleared(sensor):
+    with pytest.raises(ConfigError, match="clear: number = 0: no fault has it; none was given yet"):
+        sensor.clear(0)
+    sensor.inject("crc_wrong", times=1)
+    sensor.step(2)
+    sensor.clear(0)  # has ended
+    with pytest.raises(ConfigError, match="clear: number = 1: no fault has it; 0 to 0 were given"):
+        sensor.clear(1)
+
+
+def test_a_closed_session_sends_nothing_more_but_can_still_be_read():
+    with Session("highway", overrides=QUICK) as session:
+        last = session.step()
+    for more in (session.step, lambda: session.run_for(1.0), lambda: session.run_until(lambda _: True)):
+        with pytest.raises(SessionError, match="the session is closed"):
+            more()
+    assert session.read() is last

@@ -76,6 +76,7 @@ class Session:
                 real_time=real_time,
             )
             self._stack = stack.pop_all()
+        self._is_closed = False
 
     def __enter__(self) -> "Session":
         return self
@@ -84,7 +85,8 @@ class Session:
         self.close()
 
     def close(self) -> None:
-        """Release the bus; closing twice does no harm."""
+        """Release the bus; closing twice does no harm. What was sent last can still be read."""
+        self._is_closed = True
         self._stack.close()
 
     # ---- time ---------------------------------------------------------------------------------------
@@ -180,5 +182,7 @@ class Session:
         return ceil(round(seconds * 1e9) / self.loop.period_ns)
 
     def _tick(self) -> None:
+        if self._is_closed:
+            raise SessionError("the session is closed: its bus is released")
         if not self.loop.step():
             raise SessionError(f"the road or the recording has ended after {self.time_s:g} s")

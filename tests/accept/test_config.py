@@ -44,6 +44,7 @@ def test_a_file_says_only_what_differs(tmp_path):
         (HEAD + "[receiver]\nmin_ok_valid = 0\n", "receiver.min_ok_valid"),
         (HEAD + "[receiver]\nwindow_size_valid = 3\n", "window_size_valid"),
         (HEAD + "jitter_ms = nan\n", "finite"),
+        (HEAD + "lane_width_m = [5.5, 2.0]\n", "lane_width_m"),
     ],
 )
 def test_a_wrong_limit_is_one_line_that_names_it(tmp_path, text, said):

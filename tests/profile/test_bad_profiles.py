@@ -65,3 +65,10 @@ def test_two_names_for_one_signal_are_refused_by_toml_itself(capsys, tmp_path):
     status, _, err = vsensor(capsys, "check", written(tmp_path, DBC, text))
     assert status == 2
     assert_one_line(err, "not TOML")
+
+
+def test_two_messages_of_one_id_are_no_profile(capsys, tmp_path):
+    path = written(tmp_path, "BO_ 1 M: 8 CAM\n\nBO_ 1 N: 8 CAM\n", MESSAGE + MESSAGE.replace("M]", "N]"))
+    status, _, err = vsensor(capsys, "check", path)
+    assert status == 2
+    assert_one_line(err, str(path), "messages.N: has the id of M")

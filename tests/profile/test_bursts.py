@@ -1,8 +1,7 @@
 """Images of several frames: tied by a burst id, a rolling count and one checksum over all of them."""
 
-import dataclasses
-
 import pytest
+from msgspec import structs
 
 from tests.made_profiles import Sender, profile_of, raws, values, written
 from tests.test_profile import columns
@@ -81,7 +80,7 @@ def test_the_checksum_is_that_of_all_frames_in_order_after_the_data_id(profile):
 def test_the_frame_with_the_burst_checksum_is_itself_protected(profile):
     for frames in slots(profile, 3):
         assert profile.decode(frames[-1], check=True) is not None
-        torn = dataclasses.replace(frames[-1], data=frames[-1].data[:-1] + bytes([frames[-1].data[-1] ^ 1]))
+        torn = structs.replace(frames[-1], data=frames[-1].data[:-1] + bytes([frames[-1].data[-1] ^ 1]))
         assert profile.decode(torn, check=True) is None
 
 
@@ -97,7 +96,7 @@ def test_any_flipped_bit_of_any_frame_spoils_its_image_and_no_other(profile, pla
     victim = frames[1][place]
     data = bytearray(victim.data)
     data[bit // 8] ^= 1 << bit % 8
-    frames[1][place] = dataclasses.replace(victim, data=bytes(data))
+    frames[1][place] = structs.replace(victim, data=bytes(data))
     images = images_of(profile, [frame for some in frames for frame in some])
     intact = [image.frames[0] for image in images if image.is_intact]
     assert intact == [frames[0][0], frames[2][0]]

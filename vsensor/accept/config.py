@@ -7,6 +7,7 @@ import msgspec
 
 from vsensor.accept.kinds import Kind
 from vsensor.e2e import ReceiverConfig
+from vsensor.errors import ConfigError
 from vsensor.schema import Config, check_schema, convert, read_toml
 
 SCHEMA = "vsensor.accept/1"
@@ -58,4 +59,8 @@ def load_limits(path: Path | None) -> LimitsConfig:
     """Read a limits file; the defaults without one. Raises ConfigError naming file and key."""
     if path is None:
         return LimitsConfig()
-    return convert(check_schema(read_toml(path), SCHEMA, str(path)), LimitsConfig, str(path))
+    limits = convert(check_schema(read_toml(path), SCHEMA, str(path)), LimitsConfig, str(path))
+    if limits.lane_width_m[0] > limits.lane_width_m[1]:
+        shown = list(limits.lane_width_m)
+        raise ConfigError(f"{path}: lane_width_m = {shown}: the least and the greatest width were expected")
+    return limits

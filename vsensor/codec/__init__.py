@@ -12,7 +12,7 @@ does, and saturates to what the bits hold (never wraps; a declared range narrowe
 clip: many are placeholders). SNA is the raw value that says "signal not available".
 """
 
-from vsensor.codec.audit import audit, excess_range, is_placeholder, overlaps, wrong_raws
+from vsensor.codec.audit import audit, excess_range, is_placeholder, overlaps, shared_ids, wrong_raws
 from vsensor.codec.bulk import BulkReader, decode_bulk
 from vsensor.codec.frame import (
     decode,
@@ -41,6 +41,7 @@ __all__ = [
     "load_database",
     "number_range",
     "overlaps",
+    "shared_ids",
     "pack",
     "quantise",
     "to_physical",

@@ -1,17 +1,30 @@
 """What an ECU could stumble over in a bus description."""
 
+from collections.abc import Iterable
+
 from vsensor.codec.layout import Database, Layout, SignalLayout
 
 
 def audit(database: Database) -> list[str]:
     """Return what an ECU could stumble over, one sentence each: ranges, overlaps, start values, timing."""
-    found: list[str] = []
+    found = [f"{a} and {b} have the same id" for a, b in shared_ids(database.layouts.values())]
     for layout in database.layouts.values():
         if not layout.cycle_ms:
             found.append(f"{layout.name}: no cycle time")
         found += [f"{layout.name}: signals {a} and {b} overlap" for a, b in overlaps(layout)]
         for signal in layout.signals.values():
             found += [f"{layout.name}.{signal.name}: {text}" for text in _audit_signal(signal)]
+    return found
+
+
+def shared_ids(layouts: Iterable[Layout]) -> list[tuple[str, str]]:
+    """Return the pairs of messages that a receiver cannot tell apart."""
+    owner: dict[tuple[int, bool], str] = {}
+    found: list[tuple[str, str]] = []
+    for layout in layouts:
+        other = owner.setdefault((layout.arbitration_id, layout.is_extended), layout.name)
+        if other != layout.name:
+            found.append((other, layout.name))
     return found
 
 

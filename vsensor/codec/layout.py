@@ -1,5 +1,6 @@
 """Bus descriptions compiled into our own layouts; the only importer of cantools."""
 
+import logging
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,6 +12,11 @@ from cantools.database import Database as CanDatabase
 
 from vsensor.codec.sending import SendAttributes, send_attributes
 from vsensor.errors import DbcError
+
+# Which messages share a name or an id we say ourselves: load_database refuses, the audit finds.
+logging.getLogger("cantools.database.can.database").addFilter(
+    lambda record: not record.msg.startswith("Overwriting message")
+)
 
 _SUFFIXES = {".dbc", ".arxml", ".kcd", ".sym"}
 _FLOAT_BITS = {16, 32, 64}
@@ -123,21 +129,60 @@ def load_database(path: Path) -> Database:
     if path.suffix.lower() not in _SUFFIXES:
         raise DbcError(f"{path}: a bus description ends in {', '.join(sorted(_SUFFIXES))}")
     if not path.is_file():
-        raise DbcError(f"{path}: no such file")
+        raise DbcError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}")
     try:
         database = cantools.database.load_file(path, strict=False)
     except (
         Exception
     ) as error:  # cantools lets through what its parsers raise: KeyError, ValueError, lxml's ...
-        reason = " ".join(str(error).split()) or type(error).__name__
+        reason = _printable(str(error)) or type(error).__name__
         raise DbcError(f"{path}: cantools refuses it: {reason}") from None
     if not isinstance(database, CanDatabase):
         raise DbcError(f"{path}: describes diagnostics, a description of CAN messages was expected")
-    return Database(path=path, layouts={m.name: _layout(m, path) for m in database.messages})
+    return Database(path=path, layouts=_layouts(database, path))
+
+
+def _layouts(database: CanDatabase, path: Path) -> dict[str, Layout]:
+    """Return the messages by name; a frame that an ARXML has on several buses is one."""
+    layouts: dict[str, Layout] = {}
+    for message in database.messages:
+        layout = _layout(message, path)
+        other = layouts.setdefault(layout.name, layout)
+        if not _same_frame(layout, other):
+            ids = f"{other.arbitration_id:#x} and {layout.arbitration_id:#x}"
+            raise DbcError(f"{path}: two messages are named {layout.name}, with ids {ids}; rename one")
+    return layouts
+
+
+def _same_frame(a: Layout, b: Layout) -> bool:
+    return (a.arbitration_id, a.is_extended, a.length, a.signals) == (
+        b.arbitration_id,
+        b.is_extended,
+        b.length,
+        b.signals,
+    )
+
+
+def _signals(message: Any, path: Path) -> dict[str, SignalLayout]:
+    signals: dict[str, SignalLayout] = {}
+    for one in message.signals:
+        signal = _signal(one, message, path)
+        other = signals.setdefault(signal.name, signal)
+        if signal != other:
+            places = f"start bits {other.start} and {signal.start}"
+            raise DbcError(
+                f"{path}: {message.name}: two signals are named {signal.name}, {places}; rename one"
+            )
+    return signals
+
+
+def _printable(text: str) -> str:
+    """Return the text on one line, without what would drive a terminal."""
+    return "".join(c if c.isprintable() else "?" for c in " ".join(text.split()))
 
 
 def _layout(message: Any, path: Path) -> Layout:
-    signals = {s.name: _signal(s, message, path) for s in message.signals}
+    signals = _signals(message, path)
     e2e_profile, data_id = _e2e(message)
     return Layout(
         name=message.name,

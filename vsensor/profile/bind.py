@@ -101,6 +101,8 @@ def _codes(
             raise ConfigError(f"{where}: table {table!r} is not there{hint(table, profile.tables)}")
         table = profile.tables[table]
     if table is None:
+        if profile.role == "sensor":
+            _require_room(signal, quantity, where)
         return None, None
     known = _known_codes(quantity)
     raws = {key.lower(): _raw_choice(signal, value, where) for key, value in table.items()}
@@ -112,6 +114,17 @@ def _codes(
     if missing and other is None:
         raise ConfigError(f"{where}: table lacks {', '.join(missing)} (or a value for `other`)")
     return codes, other
+
+
+def _require_room(signal: SignalLayout, quantity: Quantity, where: str) -> None:
+    """Refuse codes that would saturate: without a table they are the model's own numbers."""
+    low, high = sorted((signal.physical(signal.raw_min), signal.physical(signal.raw_max)))
+    if quantity.codes is None or signal.is_float:
+        return
+    if missing := [code.name.lower() for code in quantity.codes if not low <= code <= high]:
+        raise ConfigError(
+            f"{where}: the bits hold {low:g} to {high:g}, no room for {', '.join(missing)}; give a table"
+        )
 
 
 def _known_codes(quantity: Quantity) -> dict[str, int]:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from vsensor.codec import Database, Layout, SignalLayout, overlaps
+from vsensor.codec import Database, Layout, SignalLayout, overlaps, shared_ids
 from vsensor.errors import ConfigError
 from vsensor.profile.bind import binding_of, constant_raw, hint, signal_of, start_bits, validity_of
 from vsensor.profile.bind_bursts import burst_of, with_bursts
@@ -32,6 +32,8 @@ def compile_profile(path: Path, config: ProfileConfig, database: Database) -> Pr
     plans = _tell_once(
         [_message(path, config, database, name, message) for name, message in messages.items()]
     )
+    for a, b in shared_ids([plan.layout for plan in plans]):
+        raise ConfigError(f"{path}: messages.{b}: has the id of {a}, so a receiver cannot tell them apart")
     bursts = [burst_of(name, burst, plans, str(path)) for name, burst in config.bursts.items()]
     return Profile(
         name=path.stem,

@@ -8,6 +8,7 @@ from typing import Protocol
 from msgspec import structs
 
 from vsensor.clock import Clock
+from vsensor.errors import ConfigError
 from vsensor.faults import Clear, Command, Fault, Inject
 from vsensor.line import Line
 from vsensor.runner.outbox import FrameBus, Outbox
@@ -51,13 +52,23 @@ class Loop:
 
     def inject(self, fault: Fault) -> int:
         """Let a fault happen from the next tick on; returns its number."""
-        number = self.state.faults.next_number
-        number += sum(isinstance(command, Inject) for command in self._commands)
+        number = self._next_fault()
         self._commands.append(Inject(fault))
         return number
 
+    def _next_fault(self) -> int:
+        waiting = sum(isinstance(command, Inject) for command in self._commands)
+        return self.state.faults.next_number + waiting
+
     def clear(self, number: int | None = None) -> None:
-        """End a fault, or all that have begun, with the next tick."""
+        """End a fault, or all that have begun, with the next tick; one that has ended may be named, too.
+
+        Raises ConfigError for a number that no fault has had.
+        """
+        known = range(self._next_fault())
+        if number is not None and number not in known:
+            said = f"0 to {known[-1]} were given" if known else "none was given yet"
+            raise ConfigError(f"clear: number = {number!r}: no fault has it; {said}")
         self._commands.append(Clear(number))
 
     def stop(self) -> None:
