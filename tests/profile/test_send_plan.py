@@ -69,7 +69,7 @@ database = "own.dbc"
 {keys}
 [messages.M.signals]
 Off = "left.offset_m"
-State = "sensor.state"
+State = {{ quantity = "sensor.state", shift = 10 }}
 Index = {{ quantity = "image.index", wrap = true }}
 """
 

@@ -102,7 +102,7 @@ def _codes(
         table = profile.tables[table]
     if table is None:
         if profile.role == "sensor":
-            _require_room(signal, quantity, where)
+            _require_room(signal, quantity, config, where)
         return None, None
     known = _known_codes(quantity)
     raws = {key.lower(): _raw_choice(signal, value, where) for key, value in table.items()}
@@ -116,12 +116,13 @@ def _codes(
     return codes, other
 
 
-def _require_room(signal: SignalLayout, quantity: Quantity, where: str) -> None:
+def _require_room(signal: SignalLayout, quantity: Quantity, config: SignalConfig, where: str) -> None:
     """Refuse codes that would saturate: without a table they are the model's own numbers."""
     low, high = sorted((signal.physical(signal.raw_min), signal.physical(signal.raw_max)))
     if quantity.codes is None or signal.is_float:
         return
-    if missing := [code.name.lower() for code in quantity.codes if not low <= code <= high]:
+    missing = [c.name.lower() for c in quantity.codes if not low <= config.factor * c + config.shift <= high]
+    if missing:
         raise ConfigError(
             f"{where}: the bits hold {low:g} to {high:g}, no room for {', '.join(missing)}; give a table"
         )
