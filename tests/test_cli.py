@@ -707,10 +707,11 @@ def test_output_onto_a_full_disk_is_one_line(tmp_path, words):
     assert_one_line(done.stderr, "standard output", "No space left")
 
 
-COMMANDS = "run check decode convert log score accept sweep replay gateway scan table density influence tune validate"
+COMMANDS = "run check decode convert log score accept sweep replay gateway scan table"
+LEARNING = "density influence tune validate"
 
 
-@pytest.mark.parametrize("command", ["", *COMMANDS.split(), "profile new"])
+@pytest.mark.parametrize("command", ["", *COMMANDS.split(), *LEARNING.split(), "profile new"])
 def test_help_teaches_every_command(capsys, command):
     status, out, _ = vsensor(capsys, *command.split(), "--help")
     assert status == 0
