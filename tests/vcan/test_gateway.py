@@ -9,6 +9,7 @@ import pytest
 
 from tests.bus_frames import content
 from tests.ecu.building import found
+from tests.vcan.listening import wait_for
 from tests.vcan.test_ecu import ecu, ended
 from tests.vehicle_frames import Gateway
 from vsensor.bus import open_bus
@@ -38,14 +39,20 @@ def gateway(tmp_path_factory):
             while "passing" not in (line := process.stderr.readline()):
                 assert line, "the gateway ended"
             sent, came = drive(car, far)
+            judged = ended(listener)  # before the gateway is: it would miss its frames
+            there = len(sensors(came))
             process.send_signal(signal.SIGINT)
             out, err = process.communicate(timeout=30)
             assert process.returncode == 130, err
             came += far.drain()
-            judged = ended(listener)
+            assert there <= judged["frames"] <= len(sensors(came))
         finally:
             process.kill()
     return sent, came, judged, out
+
+
+def sensors(frames):
+    return [frame for frame in frames if 0x320 <= frame.arbitration_id <= 0x32C]
 
 
 def drive(car, far):
@@ -60,6 +67,9 @@ def drive(car, far):
             sent.append(frame)
         car.drain()
         came += far.drain()
+    wait_for(
+        lambda: came.extend(far.drain()) or content(sent[-1]) in [content(frame) for frame in came[-50:]]
+    )
     return sent, came
 
 
@@ -75,8 +85,7 @@ def test_the_cars_frames_are_passed_on_bit_for_bit_in_their_order(gateway):
 
 
 def test_of_the_cameras_frames_none_is_and_an_ecu_accepts_the_sensors(gateway):
-    _, came, judged, out = gateway
-    assert judged["frames"] == sum(0x320 <= frame.arbitration_id <= 0x32C for frame in came)
+    _, _, judged, out = gateway
     assert judged["bursts"] >= 10  # of 100; a machine that is busy makes fewer, and says so
     errors = {name for name, count in found(judged).items() if count and name not in SAID}
     lost = int(out.split(" images sent, ")[1].split()[0])

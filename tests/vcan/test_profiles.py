@@ -6,6 +6,8 @@ from tests.shared import SHARED_DATA, needs_shared
 from tests.vcan.listening import recorded
 from tests.vcan.programs import ran
 from tests.vcan.test_accept import LOADED
+from vsensor.accept import accept_log, load_limits
+from vsensor.profile import load_profiles
 
 pytestmark = pytest.mark.vcan
 
@@ -31,9 +33,8 @@ def frames(log):
 @needs_shared
 @pytest.mark.parametrize("name", FRAMES_PER_S)
 def test_a_shipped_profile_is_heard_bit_for_bit_and_accepted(tmp_path, name):
-    profile = ["--profile", name]
-    if name in MAKERS:
-        profile += ["--dbc", SHARED_DATA / "dbc" / f"{MAKERS[name]}.dbc"]
+    dbc = SHARED_DATA / "dbc" / f"{MAKERS[name]}.dbc" if name in MAKERS else None
+    profile = ["--profile", name, *(["--dbc", dbc] if dbc else [])]
     seen, sent = tmp_path / "seen.log", tmp_path / "sent.log"
     with recorded("vcan0", seen):
         run = ran(
@@ -45,5 +46,5 @@ def test_a_shipped_profile_is_heard_bit_for_bit_and_accepted(tmp_path, name):
     assert FRAMES_PER_S[name] * SECONDS / 4 < len(heard) <= FRAMES_PER_S[name] * SECONDS
     limits = tmp_path / "limits.toml"
     limits.write_text(LOADED)
-    judged = ran("vsensor.cli", "accept", seen, "--limits", limits, *profile)
-    assert (judged.returncode, judged.stderr) == (0, ""), judged.stdout
+    judged = accept_log(seen, load_profiles([name], dbc), load_limits(limits))
+    assert judged.is_accepted, judged.lines()
