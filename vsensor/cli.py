@@ -642,11 +642,11 @@ def _parser() -> argparse.ArgumentParser:
     _add_gateway(commands)
     _add_scan(commands)
     _add_table(commands)
-    _add_profile(commands)
-    _add_density(commands)
-    _add_influence(commands)
     _add_tune(commands)
     _add_validate(commands)
+    _add_density(commands)
+    _add_influence(commands)
+    _add_profile(commands)
     return parser
 
 
