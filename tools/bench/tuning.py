@@ -42,7 +42,7 @@ if sys.argv[2] == "read":
         for part in read_log(file):
             rows += len(part.t_ns)
 else:
-    rows = tune_table(table, TuneOptions(close_loop=False)).survey.rows
+    rows = tune_table(table, TuneOptions(close_loop=False, least_seconds=5.0)).survey.rows
 took = time.perf_counter() - began
 status = Path("/proc/self/status").read_text()
 peak = 1024 * int(status.split("VmHWM:")[1].split()[0])
@@ -101,7 +101,8 @@ def _loop_s(folder: Path) -> float:
     from vsensor.field.tune.tuning import TuneOptions, tune_table
     from vsensor.field.virtual import FitSetting
 
-    model = tune_table(open_table([folder]), TuneOptions(close_loop=False)).library.models["all"]
+    options = TuneOptions(close_loop=False, least_seconds=5.0)
+    model = tune_table(open_table([folder]), options).library.models["all"]
     return elapsed_ms(lambda: close_loop(model, FitSetting())) / 1e3
 
 

@@ -47,7 +47,9 @@ def close_loop(model: ErrorModel, setting: FitSetting, seed: int = 0) -> Closed:
     Cells that are blind, or farther than the operating range, are not compared.
     """
     random = np.random.default_rng([seed, 0x1007])
-    columns = _columns(model)
+    columns = _columns(model, setting)
+    if not len(columns):
+        return Closed(model=model, missed_open=(0.0, 0.0), missed=(0.0, 0.0))
     half = random.standard_normal((SAMPLES // 2, 2 * MOST_NODES))
     white = np.concatenate([half, -half])
     trial, best, missed_open = model, (model, (np.inf, np.inf)), (np.inf, np.inf)
@@ -73,11 +75,13 @@ def _laws(sensor: VirtualSensor, z: Array, columns: np.ndarray) -> Array:
     return np.stack(laws, axis=2)
 
 
-def _columns(model: ErrorModel) -> np.ndarray:
-    """Return the speed columns that are looked at: every 2.5 m/s of those that are not all blind."""
-    seen = np.flatnonzero(~model.blind.all(axis=0))
+def _columns(model: ErrorModel, setting: FitSetting) -> np.ndarray:
+    """Return the speed columns that are looked at: every 2.5 m/s of those where a line can be fitted."""
+    sensor = VirtualSensor.of(model, setting)
+    fitted = [k for k, matrix in sensor.matrices.items() if matrix.any()]
+    seen = np.array([k for k in fitted if not model.blind[:, k].all()], dtype=np.int64)
     step = max(round(SPEED_STEP_MPS / float(model.speed_mps[1] - model.speed_mps[0])), 1)
-    return np.unique(np.append(seen[::step], seen[-1]))
+    return np.unique(np.append(seen[::step], seen[-1:]))
 
 
 def _compared(model: ErrorModel, columns: np.ndarray) -> np.ndarray:
