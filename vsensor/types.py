@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 CodeArray = NDArray[np.uint8]
 BoolArray = NDArray[np.bool_]
+ComplexArray = NDArray[np.complex128]
 
 NANOSECONDS_PER_SECOND = 1_000_000_000
 
@@ -124,6 +125,31 @@ class Tick:
     period_ns: int
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Swell:
+    """An unevenness of the road between two places along a way: a sum of waves, level road outside.
+
+    The height is the real part of the sum of `amplitude_m` (J,) complex times
+    exp(1j `wave_radpm` (J,) (s - from_m)).
+    """
+
+    from_m: float
+    to_m: float
+    wave_radpm: Array
+    amplitude_m: ComplexArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unevenness:
+    """What lies under the wheels: the swells near, and where along their way the rear axle is.
+
+    The way is that of the drive and goes on over joints of roads; both wheels of an axle stand equally high.
+    """
+
+    rear_axle_m: float
+    swells: tuple[Swell, ...]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EgoState:
     """The vehicle: origin on the road below the centre of the rear axle.
@@ -132,6 +158,7 @@ class EgoState:
     (plane of the road, heading of the vehicle; R_world_from_ego = Rz(yaw) Ry(pitch) Rx(roll), nose
     down positive). The body moves on its springs relative to it: `body_roll_rad`, `body_pitch_rad`,
     `body_heave_m`. `yaw_rate_radps` is positive to the left. A state that is not known holds NaN.
+    The position is that on the even road; `uneven` is what the springs' feet are lifted by, None: even.
     """
 
     t_ns: int
@@ -146,6 +173,7 @@ class EgoState:
     body_roll_rad: float = 0.0
     body_pitch_rad: float = 0.0
     body_heave_m: float = 0.0
+    uneven: Unevenness | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,8 +183,10 @@ class Marking:
     `points_world_m` (N, 3) centre of the stripe, dense (0.1 m by default) and continuous, paint or
     not; `painted` (N,) bool is False in the gaps of a dashed line and on a border without paint;
     `kind` (N,) MarkingKind of the whole border (a double's stripes both say DOUBLE_SOLID); `colour`
-    (N,) Colour; `width_m` (N,) of the stripe; `contrast` 0..1 of the paint. Stripes of one border
-    share `group`; `stripe` says which one this is. `id` is stable for the whole run.
+    (N,) Colour; `width_m` (N,) of the stripe. `contrast` 0..1 of the paint that is left, `wear` 0..1 the
+    part that is gone, in patches; `valid`: whether it bounds a lane, False for what was removed or is
+    overridden; each a value or (N,). Stripes of one border share `group`; `stripe` says which one this is.
+    `id` is stable for the whole run.
     """
 
     id: int
@@ -167,7 +197,19 @@ class Marking:
     kind: CodeArray
     colour: CodeArray
     width_m: Array
+    contrast: Array | float = 1.0
+    wear: Array | float = 0.0
+    valid: BoolArray | bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class GroundPaint:
+    """Paint on the road that is no line: a polygon `points_world_m` (N, 3), filled."""
+
+    points_world_m: Array
+    colour: Colour
     contrast: float = 1.0
+    wear: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -223,13 +265,14 @@ class Environment:
 class Scene:
     """The road near the pose: markings and obstacles, in world coordinates.
 
-    `surface` is None where the road is too flat to hide anything of itself.
+    `surface` is None where the road is too flat to hide anything of itself. `ground` is seen in images alone.
     """
 
     markings: tuple[Marking, ...]
     obstacles: tuple[Obstacle, ...] = ()
     environment: Environment = Environment()
     surface: RoadSurface | None = None
+    ground: tuple[GroundPaint, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -252,4 +252,4 @@ def test_ten_thousand_bumps_are_found_by_place_not_by_order_in_the_file():
     places = np.random.default_rng(2).permutation(10_000) * 5.0
     config = MotionConfig(body=True, bumps=tuple(BumpConfig(at_m=at) for at in places))
     motion = load_motion(config)
-    assert [bump.at_m for bump in motion.bumps.near(1000.2, 1011.0)] == [1000.0, 1005.0, 1010.0]
+    assert [bump.from_m for bump in motion.bumps.near(1000.2, 1011.0)] == [1000.0, 1005.0, 1010.0]
