@@ -28,6 +28,7 @@ from vsensor.sources.weather import EnvironmentConfig
 from vsensor.state import StateConfig
 from vsensor.tracker import TrackerConfig
 from vsensor.world.laid_road import LaidRoadConfig
+from vsensor.world.road import is_road_file
 from vsensor.world.vehicle import DynamicsConfig
 
 SCHEMA = "vsensor.scenario/1"
@@ -114,12 +115,12 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def load_scenario(name_or_path: str | None = None, overrides: dict[str, Any] | None = None) -> Scenario:
-    """Load a shipped scenario by name, a scenario file, or a bare map or log with default settings.
+    """Load a shipped scenario by name, a scenario file, or a bare map, road or log with default settings.
 
     `overrides` are top-level keys that the command line sets. Raises ConfigError naming file and key.
     """
     path = _find(DEFAULT_SCENARIO if name_or_path is None else name_or_path)
-    if path.suffix.lower() in (*MAP_SUFFIXES, *LOG_SUFFIXES):
+    if _is_source(path):
         _require_file(path, str(path))
         data: dict[str, Any] = {"source": str(path.resolve())}
         return Scenario(config=_parse(data, overrides, str(path)), folder=Path(), path=None)
@@ -131,7 +132,7 @@ def load_scenario(name_or_path: str | None = None, overrides: dict[str, Any] | N
 
 def shipped_scenarios() -> list[str]:
     """Return the names of the scenarios that come with the package."""
-    return sorted(path.stem for path in SHIPPED.glob("*.toml"))
+    return sorted(path.stem for path in SHIPPED.glob("*.toml") if not is_road_file(path))
 
 
 def _find(name_or_path: str) -> Path:
@@ -156,10 +157,17 @@ def _parse(data: dict[str, Any], overrides: dict[str, Any] | None, where: str) -
 
 def _check_source(scenario: Scenario, path: Path) -> None:
     source = scenario.source
-    if source.suffix.lower() not in (*MAP_SUFFIXES, *LOG_SUFFIXES):
+    if not _is_source(source) and (source.suffix.lower() != ".toml" or source.is_file()):
         known = " ".join((*MAP_SUFFIXES, *LOG_SUFFIXES))
-        raise ConfigError(f"{path}: source = {scenario.config.source!r}: expected a map or log ({known})")
+        raise ConfigError(
+            f"{path}: source = {scenario.config.source!r}: expected a map or log ({known}) or a road (.toml)"
+        )
     _require_file(source, f"{path}: source = {scenario.config.source!r}")
+
+
+def _is_source(path: Path) -> bool:
+    """Return whether a drive can come from a file: a map, a road file, a log."""
+    return path.suffix.lower() in (*MAP_SUFFIXES, *LOG_SUFFIXES) or is_road_file(path)
 
 
 def _require_file(path: Path, where: str) -> None:

@@ -99,7 +99,7 @@ def _explain(message: str, data: Mapping[str, Any], struct: type) -> str:
         value = _value_at(data, found[2])
         shown = "" if value is None or isinstance(value, Mapping | list) else f" = {value!r}"
         words = sorted(map(str, _known_words(struct, found[2])))
-        if found[1].startswith("Invalid enum value") and words:
+        if found[1].startswith(("Invalid enum value", "Invalid value")) and words:
             return f"{found[2]}{shown}: {', '.join(words)} {'was' if len(words) == 1 else 'were'} expected"
         return f"{found[2]}{shown}: {found[1][0].lower()}{found[1][1:]}"
     key, path = unknown[1], unknown[2] or ""
@@ -183,6 +183,8 @@ def _step(kind: msgspec.inspect.Type, part: str) -> list[msgspec.inspect.Type]:
     for option in _options(kind):
         if isinstance(option, msgspec.inspect.StructType):
             found += [field.type for field in option.fields if field.encode_name == part]
+            if option.tag_field == part:
+                found.append(msgspec.inspect.LiteralType((option.tag,)))
         elif isinstance(option, msgspec.inspect.DictType):
             found.append(option.value_type)
         elif isinstance(option, msgspec.inspect.ListType | msgspec.inspect.VarTupleType):

@@ -6,6 +6,7 @@ import pytest
 from tests.maps import lane, loaded, real, road, section
 from tests.shared import needs_shared
 from vsensor.types import Colour, MarkingKind
+from vsensor.world.opendrive.marks import marks_between
 
 S = np.arange(0.0, 100.0, 0.1) + 0.05
 
@@ -126,7 +127,7 @@ def test_botts_dots_cover_a_thirteenth_of_the_line(tmp_path):
 def test_a_mark_ends_where_the_next_begins(tmp_path):
     marks = '<roadMark sOffset="0" type="solid"/><roadMark sOffset="30" type="none"/>'
     each = loaded(tmp_path, road(sections=section(right=[lane(-1, marks=marks)]))).road(1)
-    found = each.sections[0].lanes[-1].marks_between(10.0, 50.0)
+    found = marks_between(each.sections[0].lanes[-1].marks, 10.0, 50.0)
     assert [(low, high, mark.kind) for low, high, mark in found] == [
         (0.0, 30.0, MarkingKind.SOLID),
         (30.0, np.inf, MarkingKind.NONE),

@@ -28,6 +28,7 @@ from vsensor.sources import LOG_SUFFIXES, MAP_SUFFIXES
 from vsensor.types import EgoState, Tick
 from vsensor.world.corridor import Corridor
 from vsensor.world.opendrive import load_map
+from vsensor.world.road import is_road_file
 
 DATABASE_SUFFIXES = (".dbc", ".arxml", ".kcd", ".sym")
 TRACE_SUFFIXES = (".npz", ".parquet")
@@ -53,7 +54,7 @@ def check_file(
     suffix = path.suffix.lower()
     if suffix in DATABASE_SUFFIXES:
         return _report([], audit(load_database(path)), _database_lines(load_database(path)))
-    if suffix in MAP_SUFFIXES:
+    if suffix in MAP_SUFFIXES or is_road_file(path):
         return _check_map(path)
     if suffix in LOG_SUFFIXES:
         return _check_log(path)

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import NoReturn
 
-from vsensor.cli import examining, learning, logs, playing, profiles, scanning, scenarios
+from vsensor.cli import examining, learning, logs, playing, profiles, roads, scanning, scenarios
 from vsensor.errors import VsensorError
 
 COMMANDS = (
@@ -29,6 +29,7 @@ COMMANDS = (
     learning.add_validate,
     examining.add_density,
     examining.add_influence,
+    roads.add_road,
     profiles.add_profile,
 )
 """Each adds one command; the order is that of --help."""

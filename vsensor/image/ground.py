@@ -93,7 +93,7 @@ def unevenness() -> NDArray[np.float32]:
     return tile
 
 
-def worn(wear: float, points_world_m: Array) -> Array:
+def worn(wear: Array | float, points_world_m: Array) -> Array:
     """Return how much paint is left at points (N, 3): 1 - wear on average, patchy where some is worn."""
     column, row = (np.floor(points_world_m[:, axis] / 0.4).astype(np.int64) % _TILE for axis in (0, 1))
     left: Array = 1.0 - wear + wear * (1.0 - wear) * unevenness()[row, column].astype(np.float64)

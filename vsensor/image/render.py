@@ -26,11 +26,11 @@ from vsensor.image.config import (
 from vsensor.image.coverage import Edges, FloatImage, Patch, chained, coverage
 from vsensor.image.ground import Ground
 from vsensor.image.hills import Skyline, road_above_horizon, without_hidden_part
-from vsensor.image.shapes import stripe_edges
+from vsensor.image.shapes import polygon_edges, stripe_edges
 from vsensor.image.solids import draw_solids
 from vsensor.scene import world_from_ego
 from vsensor.transforms import Rigid, invert, relative_to
-from vsensor.types import Colour, EgoState, Environment, Marking, Scene, Snapshot, Tick
+from vsensor.types import Array, Colour, EgoState, Environment, Marking, Scene, Snapshot, Tick
 
 Image = NDArray[np.uint8]
 
@@ -55,7 +55,9 @@ def render(camera: Camera, config: ImageConfig, snapshot: Snapshot, draws: Draws
     eye_m = invert(pose).translation
     markings = [marking for marking in scene.markings if len(marking.points_world_m)]
     skylines = [Skyline(eye_m, pose.rotation[2], relative_to(frame, m.points_world_m)) for m in markings]
-    paints = _paints(camera, config, pose, air, list(zip(markings, skylines, strict=True)))
+    edges = _line_edges(camera, config, pose, air, list(zip(markings, skylines, strict=True)))
+    _add_ground_edges(camera, config, (pose, frame), scene, skylines, edges)
+    paints = _covered(camera, edges)
     hill = road_above_horizon(camera, pose, skylines)
     drawn = [patch for _, patch in paints if patch.values.size] + ([hill] if hill is not None else [])
     top = min((patch.top for patch in drawn), default=camera.config.height_px)
@@ -86,26 +88,63 @@ def _is_known(ego: EgoState) -> bool:
     return bool(np.isfinite([*ego.position_world_m, *angles, ego.body_heave_m]).all())
 
 
-def _paints(
+def _line_edges(
     camera: Camera,
     config: ImageConfig,
     pose: Rigid,
     air: Environment,
     lines: Sequence[tuple[Marking, Skyline]],
-) -> list[_Paint]:
-    """Return for each colour of paint how much of every pixel it covers, times how much of it is left."""
+) -> dict[Colour, list[Edges]]:
+    """Return for each colour the outlines of lines, weighted by how much of the paint is left."""
     edges: dict[Colour, list[Edges]] = {}
     for marking, skyline in lines:
         painted = marking.painted & skyline.seen
         if not painted.any():
             continue
         wet = marking.contrast * (1.0 - WET_PAINT * air.rain)
-        left = ground.worn(config.wear, marking.points_world_m) * wet
+        gone = 1.0 - (1.0 - config.wear) * (1.0 - marking.wear)
+        left = ground.worn(gone, marking.points_world_m) * wet
         for colour in np.unique(marking.colour[painted]).tolist():
             opacity = np.where(painted & (marking.colour == colour), left, 0.0)
             found = stripe_edges(camera, pose, skyline.points_ego_m, marking.width_m, opacity)
             if found is not None:
                 edges.setdefault(Colour(colour), []).append(found)
+    return edges
+
+
+def _add_ground_edges(
+    camera: Camera,
+    config: ImageConfig,
+    frames: tuple[Rigid, Rigid],
+    scene: Scene,
+    skylines: Sequence[Skyline],
+    edges: dict[Colour, list[Edges]],
+) -> None:
+    """Add the outlines of painted areas; `frames` are camera_from_ego and world_from_ego.
+
+    An area behind a crest is left out: where the nearest point of the lines is not seen.
+    """
+    pose, frame = frames
+    for area in scene.ground:
+        points = relative_to(frame, area.points_world_m)
+        if not _is_seen(points.mean(axis=0), skylines):
+            continue
+        wet = area.contrast * (1.0 - WET_PAINT * scene.environment.rain)
+        found = polygon_edges(camera, pose, points, (1.0 - config.wear) * (1.0 - area.wear) * wet)
+        if found is not None:
+            edges.setdefault(area.colour, []).append(found)
+
+
+def _is_seen(point_ego_m: Array, skylines: Sequence[Skyline]) -> bool:
+    if not skylines:
+        return True
+    nearest = min(skylines, key=lambda line: line.distance_to_m(point_ego_m))
+    apart = nearest.points_ego_m[:, :2] - point_ego_m[:2]
+    return bool(nearest.seen[int((apart * apart).sum(axis=1).argmin())])
+
+
+def _covered(camera: Camera, edges: dict[Colour, list[Edges]]) -> list[_Paint]:
+    """Return for each colour how much of every pixel its paint covers, times how much of it is left."""
     size = camera.config.width_px, camera.config.height_px
     patches = [(colour, coverage(chained(*parts), *size)) for colour, parts in edges.items()]
     for _, patch in patches:

@@ -67,6 +67,35 @@ def stripe_edges(
     return _strip(left, right, _visible(left, right, opacity, is_ahead))
 
 
+def polygon_edges(camera: Camera, pose: Rigid, points_ego_m: Array, opacity: float) -> Edges | None:
+    """Return the outline of a flat polygon (N, 3) on the road, cut where it comes too near; `pose` as above.
+
+    A lens bends edges: its points should lie close to each other. None if nothing of it is ahead.
+    """
+    points = _ahead_of_near(transform(pose, points_ego_m))
+    if len(points) < 3 or opacity <= 0.0:
+        return None
+    pixels = project(camera, points)
+    x, y = pixels.T
+    if not np.isfinite(pixels).all():
+        return None
+    area = float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum())  # twice; clockwise in the image is positive
+    return outline(pixels if area > 0.0 else pixels[::-1], opacity)
+
+
+def _ahead_of_near(points: Array) -> Array:
+    """Return the part of a polygon (N, 3) that is as deep as NEAR_M or deeper."""
+    depth = points[:, 2] - NEAR_M
+    after, depth_after = np.roll(points, -1, axis=0), np.roll(depth, -1)
+    kept = []
+    for here, there, a, b in zip(points, after, depth.tolist(), depth_after.tolist(), strict=True):
+        if a >= 0.0:
+            kept.append(here)
+        if (a >= 0.0) != (b >= 0.0):
+            kept.append(here + a / (a - b) * (there - here))
+    return np.array(kept).reshape(-1, 3)
+
+
 def _moved_ahead(centre: Array, is_ahead: BoolArray) -> Array:
     """Return the bounds with those that are the first behind the near plane moved onto it."""
     moved = centre.copy()

@@ -174,7 +174,10 @@ class LiveDrive:
         if not self.drive.corridor.reaches(max(foot.s_m, 0.0)):
             return after, None
         scene = self.drive.scene(tick.t_ns * 1e-9, foot.s_m) if foot.is_on_route else Scene(markings=())
-        return after, Snapshot(t_ns=tick.t_ns, ego=_ego(motion, foot, tick.t_ns), scene=scene)
+        ego = _ego(motion, foot, tick.t_ns)
+        if foot.is_on_route:
+            ego = replace(ego, uneven=self.drive.corridor.uneven(foot.s_m))
+        return after, Snapshot(t_ns=tick.t_ns, ego=ego, scene=scene)
 
     def _is_missing(self, listened: Listened, name: str) -> bool:
         """Return whether a quantity is missing that is needed, or that came before."""

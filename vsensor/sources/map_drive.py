@@ -155,6 +155,7 @@ class MapDrive:
         return Scene(
             markings=self.corridor.markings_window(*view),
             surface=self.corridor.surface_window(*view),
+            ground=self.corridor.ground_window(*view),
             obstacles=self._obstacles(t_s, s_m) + self._standing.near(s_m, self._view_m),
             environment=self.weather.at(t_s),
         )
@@ -210,6 +211,7 @@ class MapDrive:
             if speed > 1e-3
             else foot_rate,
             lateral_acceleration_mps2=speed * yaw_rate,
+            uneven=self.corridor.uneven(s_m),
         )
 
     def _obstacles(self, t_s: float, ego_m: float) -> tuple[Obstacle, ...]:

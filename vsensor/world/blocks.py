@@ -25,13 +25,16 @@ T = TypeVar("T")
 class Block:
     """A piece that the drive enters at the route distance `start_m`.
 
-    `lane_ids` own the borders in reach, from left to right; `groups` are their chains.
+    `lane_ids` own the borders in reach, from left to right; `groups` are their chains. `extra` are the
+    places of the road's other lines that reach into it, with the chains `extra_groups`.
     """
 
     piece: LanePiece
     start_m: float
     lane_ids: tuple[int, ...]
     groups: tuple[int, ...]
+    extra: tuple[int, ...] = ()
+    extra_groups: tuple[int, ...] = ()
 
     def sigma(self, s_m: float) -> Array:
         """Return the distance from the piece's start, (1,)."""
@@ -70,7 +73,8 @@ class Blocks:
         piece = self.route.advance()
         if piece is None:
             return False
-        self._row.append(Block(piece, self.end_m, *self._chains.extend(piece)))
+        borders, extra = self._chains.extend(piece), self._chains.extend_extra(piece)
+        self._row.append(Block(piece, self.end_m, *borders, *extra))
         self.edges_m.append(self.end_m + piece.length_m)
         return True
 

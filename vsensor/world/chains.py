@@ -25,6 +25,7 @@ class Chains:
         self._lateral_m = lateral_m
         self._next_group = 0
         self._last: tuple[LanePiece, tuple[int, ...], tuple[int, ...]] | None = None
+        self._last_extra: dict[tuple[str, int], int] = {}
 
     def extend(self, piece: LanePiece) -> tuple[tuple[int, ...], tuple[int, ...]]:
         """Return the lane ids that own the borders in reach, left to right, and their groups."""
@@ -37,6 +38,21 @@ class Chains:
         ordered = tuple(groups[i] for i in lane_ids)
         self._last = (piece, lane_ids, ordered)
         return lane_ids, ordered
+
+    def extend_extra(self, piece: LanePiece) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Return the road's lines beside its borders that reach into the piece (their places), and groups."""
+        low, high = sorted((piece.s_from_m, piece.s_to_m))
+        lines = piece.road.lines
+        found = tuple(i for i, line in enumerate(lines) if line.from_m < high and line.to_m > low)
+        groups = {}
+        for i in found:
+            key = (piece.road.id, i)
+            if key not in self._last_extra:
+                self._last_extra[key] = self._next_group
+                self._next_group += 1
+            groups[key] = self._last_extra[key]
+        self._last_extra = groups
+        return found, tuple(groups.values())
 
     def _matched(self, piece: LanePiece, lane_ids: tuple[int, ...]) -> dict[int, int]:
         if self._last is None:

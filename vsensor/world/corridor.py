@@ -19,14 +19,18 @@ from functools import cached_property
 import numpy as np
 
 from vsensor.errors import MapError
-from vsensor.types import Array, Marking, RoadSurface
+from vsensor.types import Array, GroundPaint, Marking, RoadSurface, Unevenness
 from vsensor.world.blocks import Blocks
 from vsensor.world.chains import Chains
 from vsensor.world.opendrive.lanes import Section
 from vsensor.world.opendrive.network import Place
 from vsensor.world.opendrive.road import RoadMap
 from vsensor.world.route import DRIVABLE, CorridorConfig, Route
+from vsensor.world.surface_extras import SurfaceExtras
 from vsensor.world.windows import Windows
+
+UNEVEN_M = 30.0
+"""How far behind and ahead of the rear axle unevenness is given: a tick's way, and the front axle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +74,7 @@ class Corridor:
         self.config = config or CorridorConfig()
         self._blocks = Blocks(Route(road_map, self.config), Chains(self.config.lateral_m))
         self._windows = Windows(self._blocks, self.config.spacing_m)
+        self._extras = SurfaceExtras(self._blocks)
         if not self.reaches(1e-6):
             start = self.start
             raise MapError(
@@ -195,3 +200,18 @@ class Corridor:
         They reach from the outermost border of `markings_window` to the other.
         """
         return self._windows.surface(s_from_m, s_to_m)
+
+    def ground_window(self, s_from_m: float, s_to_m: float) -> tuple[GroundPaint, ...]:
+        """Return crosswalks and stop lines between two distances, and some around them."""
+        return self._extras.ground(s_from_m, s_to_m)
+
+    def uneven(self, s_m: float) -> Unevenness | None:
+        """Return what lies under a vehicle whose rear axle is at a distance, None on an even road."""
+        swells = self._extras.swells(s_m - UNEVEN_M, s_m + UNEVEN_M)
+        if not swells and not self._has_swells:
+            return None
+        return Unevenness(rear_axle_m=s_m, swells=swells)
+
+    @cached_property
+    def _has_swells(self) -> bool:
+        return any(road.swells for road in self.road_map.roads.values())

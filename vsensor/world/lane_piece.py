@@ -106,6 +106,11 @@ class LanePiece:
         low, high = sorted((self.s_from_m, self.s_to_m))  # rounding must not step into another section
         return np.asarray(np.minimum(np.maximum(s, low), high))
 
+    def sigma_at(self, s_m: Array) -> Array:
+        """Return distances (N,) from the piece's start of places s (N,) of the road: linear between knots."""
+        driven, sigma, _, _ = self._knots
+        return np.interp(np.abs(s_m - self.s_from_m), driven, sigma)
+
     def frames(self, sigma_m: Array) -> Frames:
         """Return position and axes of the lane's middle at distances (N,); up is the road's normal."""
         s = self.s_at(sigma_m)

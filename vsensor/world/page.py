@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -31,6 +32,9 @@ class LongLine:
     kind: CodeArray
     colour: CodeArray
     width_m: Array
+    contrast: Array | None
+    wear: Array | None
+    valid: BoolArray | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +59,9 @@ class Page:
                         kind=line.kind[low:high],
                         colour=line.colour[low:high],
                         width_m=line.width_m[low:high],
+                        contrast=1.0 if line.contrast is None else line.contrast[low:high],
+                        wear=0.0 if line.wear is None else line.wear[low:high],
+                        valid=True if line.valid is None else line.valid[low:high],
                     )
                 )
         return tuple(found)
@@ -78,6 +85,10 @@ def _lines(group: int, run: list[tuple[int, BorderLine]], keep: bool) -> list[Lo
     double = any(border.is_double for border in borders)
     kind = frozen(np.concatenate([border.kind for border in borders]), np.uint8)
     colour = frozen(np.concatenate([border.colour for border in borders]), np.uint8)
+    counts = [len(border.kind) for border in borders]
+    contrast = _joined([border.contrast for border in borders], counts, 1.0, np.float64)
+    wear = _joined([border.wear for border in borders], counts, 0.0, np.float64)
+    valid = _joined([border.valid for border in borders], counts, True, np.bool_)
     lines = []
     for which in (Stripe.LEFT, Stripe.RIGHT) if double else (Stripe.SINGLE,):
         parts = [border.stripe(which) for border in borders]
@@ -92,6 +103,19 @@ def _lines(group: int, run: list[tuple[int, BorderLine]], keep: bool) -> list[Lo
                 kind=kind,
                 colour=colour,
                 width_m=frozen(np.concatenate([part.width_m for part in parts])),
+                contrast=contrast,
+                wear=wear,
+                valid=valid,
             )
         )
     return lines
+
+
+def _joined(parts: Sequence[Any], counts: Sequence[int], otherwise: Any, dtype: Any) -> Any:
+    """Return the parts in one array, `otherwise` where one is None; None if all are."""
+    if all(part is None for part in parts):
+        return None
+    whole = [
+        np.full(count, otherwise) if part is None else part for part, count in zip(parts, counts, strict=True)
+    ]
+    return frozen(np.concatenate(whole), dtype)

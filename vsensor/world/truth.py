@@ -7,7 +7,8 @@ A line is *true* if some of it is painted within the window that the sensor look
 any paint there is none. Which true line is on which side follows from its true place beside the
 vehicle, whatever was reported. A boundary is compared with the marking that it was fitted to, now or when
 it was seen last (`Boundary.marking`), on the side where it is reported: a swap of sides is not an error of
-place.
+place. One that was fitted to what does not count (a ghost, white under yellow) is compared with the true line
+of its side.
 """
 
 import itertools
@@ -81,7 +82,11 @@ def line_truths(output: Output, front_axle_x_m: float) -> Mapping[Side, LineTrut
         if line is None and k is None:
             continue
         if line is not None and line.marking >= 0:
-            k = place.get(line.marking, None if line.measured else k)
+            fitted = place.get(line.marking)
+            if fitted is None:
+                k = None if line.measured else k
+            elif not _is_void(candidates, snapshot, fitted):
+                k = fitted
         is_lost = line is None and side in output.estimate.lost
         reason = Unseen.LOST if is_lost else _reason_unseen(output, line, k)
         if k is None:
@@ -101,8 +106,7 @@ def true_sides(candidates: LinePoints, snapshot: Snapshot) -> dict[Side, int]:
     starts = candidates.starts.tolist()
     lateral = []
     for k, (a, b) in enumerate(itertools.pairwise(starts)):
-        marking = snapshot.scene.markings[int(candidates.marking[k])]
-        if b > a and marking.painted[candidates.index[a:b]].any():
+        if _counts(candidates, snapshot, k):
             abeam = min(a + int(candidates.points_ego_m[a:b, 0].searchsorted(0.0)), b - 1)
             lateral.append((float(candidates.points_ego_m[abeam, 1]), k))
     left = sorted((y, k) for y, k in lateral if 0.0 < y <= BESIDE_M)
@@ -112,6 +116,21 @@ def true_sides(candidates: LinePoints, snapshot: Snapshot) -> dict[Side, int]:
         is_bounded = bool(lines) and lines[0][0] <= OWN_LANE_M
         sides.update({side: k for side, (_, k) in zip(names[not is_bounded :], lines, strict=False)})
     return sides
+
+
+def _counts(candidates: LinePoints, snapshot: Snapshot, k: int) -> bool:
+    """Return whether some paint of a line within the window bounds a lane: no ghost, nothing overridden."""
+    index = candidates.index[candidates.starts[k] : candidates.starts[k + 1]]
+    marking = snapshot.scene.markings[int(candidates.marking[k])]
+    painted = marking.painted if marking.valid is True else marking.painted & marking.valid
+    return bool(painted[index].any())
+
+
+def _is_void(candidates: LinePoints, snapshot: Snapshot, k: int) -> bool:
+    """Return whether a line has paint within the window, but none that counts."""
+    index = candidates.index[candidates.starts[k] : candidates.starts[k + 1]]
+    marking = snapshot.scene.markings[int(candidates.marking[k])]
+    return not _counts(candidates, snapshot, k) and bool(marking.painted[index].any())
 
 
 def lane_width_m(truths: Mapping[Side, LineTruth]) -> float:
@@ -163,7 +182,7 @@ def _line_truth(
     points, index = candidates.points_ego_m[a:b], candidates.index[a:b]
     if line is None:
         used = points
-    elif line.measured and line.points >= 0:
+    elif line.measured and line.points >= 0 and line.marking == number:
         used = points[_places(output.detections.lines, line, index)]
     else:
         used = points[(points[:, 0] >= line.x_min_m) & (points[:, 0] <= line.x_max_m)]

@@ -7,7 +7,7 @@ import numpy as np
 
 from vsensor.types import Marking, RoadSurface
 from vsensor.world.blocks import Blocks, cached
-from vsensor.world.borders import border_lines
+from vsensor.world.borders import border_lines, extra_line
 from vsensor.world.page import Page, Strip, join
 from vsensor.world.sections import Sections, sections_of
 
@@ -89,8 +89,11 @@ class Windows:
         first, end = self._blocks.stations(number, self._spacing_m)
         sigma = np.arange(first, end, dtype=np.float64) * self._spacing_m - block.start_m
         s = block.piece.s_at(sigma)
-        lines = border_lines(block.piece, s, block.piece.road.cross(s), block.lane_ids)
-        return Strip(first, len(sigma), dict(zip(block.groups, lines, strict=True)))
+        cross = block.piece.road.cross(s)
+        lines = dict(zip(block.groups, border_lines(block.piece, s, cross, block.lane_ids), strict=True))
+        for place, group in zip(block.extra, block.extra_groups, strict=True):
+            lines[group] = extra_line(block.piece, block.piece.road.lines[place], s, cross)
+        return Strip(first, len(sigma), lines)
 
 
 def _key(s_from_m: float, s_to_m: float) -> tuple[int, int]:

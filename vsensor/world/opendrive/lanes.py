@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from vsensor.types import Array
-from vsensor.world.opendrive.marks import UNMARKED, RoadMark
+from vsensor.world.opendrive.marks import RoadMark
 from vsensor.world.opendrive.polynomial import Cubics
 
 
@@ -35,12 +35,6 @@ class Lane:
     def linked(self, direction: int) -> tuple[int, ...]:
         """Return the lanes that follow in the direction (+1 along s, -1 against it)."""
         return self.successors if direction > 0 else self.predecessors
-
-    def marks_between(self, from_m: float, to_m: float) -> list[tuple[float, float, RoadMark]]:
-        """Return (from, to, mark) that cover the stretch, UNMARKED before the first mark."""
-        starts = [-np.inf, *(mark.start_m for mark in self.marks), np.inf]
-        pieces = zip(starts[:-1], starts[1:], (UNMARKED, *self.marks), strict=True)
-        return [(low, high, mark) for low, high, mark in pieces if low < to_m and high > from_m]
 
 
 @dataclass(frozen=True)

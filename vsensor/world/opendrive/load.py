@@ -6,19 +6,33 @@ from pathlib import Path
 import numpy as np
 
 from vsensor.types import frozen
-from vsensor.world.opendrive.load_lanes import read_cubic, read_cubics, read_lanes
+from vsensor.world.opendrive.extras import read_ground, read_lines, read_swells
+from vsensor.world.opendrive.load_lanes import read_cubics, read_lanes
 from vsensor.world.opendrive.load_plan import LENGTH_TOLERANCE_M, LONGEST_ROAD_M, read_plan_view
 from vsensor.world.opendrive.planview import PlanView
 from vsensor.world.opendrive.polynomial import CubicRecord, Cubics
 from vsensor.world.opendrive.road import Connection, Road, RoadLink, RoadMap
 from vsensor.world.opendrive.surface import Shape
-from vsensor.world.opendrive.xml import Element, MapReader, children, read_root, shortened
+from vsensor.world.opendrive.xml import Element, MapReader, children, read_cubic, read_root, shortened
 
 
 def load_map(path: Path | str) -> RoadMap:
-    """Read an OpenDRIVE file (1.4 to 1.8); raises MapError naming file, line, element, attribute."""
-    reader = MapReader(Path(path))
-    root = read_root(reader.path)
+    """Read an OpenDRIVE file (1.4 to 1.8), or a road file (.toml) by way of what it is in OpenDRIVE.
+
+    Raises MapError naming file, line, element, attribute; ConfigError naming the key of a road file.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".toml":
+        from vsensor.world.road import opendrive_of  # it is built of this package's curves
+
+        return parse_map(opendrive_of(path), path)
+    return parse_map(None, path)
+
+
+def parse_map(text: bytes | None, path: Path) -> RoadMap:
+    """Read the text of an OpenDRIVE map, that of the file at `path` if None; errors name `path`."""
+    reader = MapReader(path)
+    root = read_root(path, text)
     _check_header(reader, root)
     roads: dict[str, Road] = {}
     for element in children(root, "road"):
@@ -66,6 +80,9 @@ def _road(reader: MapReader, element: Element) -> Road:
         sections=read_lanes(reader, element, length, _type(element)),
         predecessor=_link(reader, link, "predecessor"),
         successor=_link(reader, link, "successor"),
+        lines=read_lines(reader, element),
+        ground=read_ground(reader, element),
+        swells=read_swells(reader, element),
     )
 
 

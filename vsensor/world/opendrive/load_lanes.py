@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from vsensor.world.opendrive.lanes import Lane, Section
 from vsensor.world.opendrive.marks import read_marks
 from vsensor.world.opendrive.polynomial import START_TOLERANCE_M, CubicRecord, Cubics
-from vsensor.world.opendrive.xml import Element, MapReader, children
+from vsensor.world.opendrive.xml import Element, MapReader, children, read_cubic
 
 SIDES = {"left": 1, "center": 0, "right": -1}
 MOST_LANES = 200
@@ -35,12 +35,6 @@ def _within(records: list[CubicRecord], start_m: float, end_m: float) -> Cubics:
     """Return the lane offset of one section: it may jump at a section's end, where lanes are counted anew."""
     kept = [record for record in records if record[0] < end_m - SAME_S_M]
     return Cubics.of([(start_m if abs(s - start_m) < SAME_S_M else s, *rest) for s, *rest in kept])  # type: ignore[misc]
-
-
-def read_cubic(reader: MapReader, element: Element, start: str) -> CubicRecord:
-    """Return the record's start (attribute `start`) and its coefficients a, b, c, d."""
-    a, b, c, d = (reader.number(element, name) for name in "abcd")
-    return reader.number(element, start), a, b, c, d
 
 
 def read_cubics(reader: MapReader, elements: Sequence[Element], start: str) -> list[CubicRecord]:

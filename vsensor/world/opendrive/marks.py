@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsensor.types import Array, BoolArray, Colour, MarkingKind
-from vsensor.world.opendrive.xml import Element, MapReader, children, shortened
+from vsensor.world.opendrive.polynomial import Cubics
+from vsensor.world.opendrive.xml import Element, MapReader, children, own_data, read_cubic, shortened
 
 STANDARD_WIDTH_M = 0.12
 BOLD_WIDTH_M = 0.25
@@ -101,12 +102,17 @@ class RoadMark:
     """A border's mark from `start_m` (absolute s) to the next one's; stripes from left to right of the road.
 
     `kind` is as seen along increasing s; `mirrored_kind` as seen by those who drive the other way.
+    `contrast`, `wear`, `valid` as in Marking, over s; None: as new. No element of OpenDRIVE has them, so
+    they come from userData "vsensor.paint".
     """
 
     start_m: float
     kind: MarkingKind
     colour: Colour
     stripes: tuple[StripeMark, ...]
+    contrast: Cubics | None = None
+    wear: Cubics | None = None
+    valid: bool = True
 
     @property
     def mirrored_kind(self) -> MarkingKind:
@@ -121,16 +127,26 @@ class RoadMark:
 UNMARKED = RoadMark(-FOREVER_M, MarkingKind.NONE, Colour.UNKNOWN, ())
 
 
+def marks_between(
+    marks: tuple[RoadMark, ...], from_m: float, to_m: float
+) -> list[tuple[float, float, RoadMark]]:
+    """Return (from, to, mark) of ordered marks that cover the stretch; UNMARKED before the first."""
+    starts = [-np.inf, *(mark.start_m for mark in marks), np.inf]
+    pieces = zip(starts[:-1], starts[1:], (UNMARKED, *marks), strict=True)
+    return [(low, high, mark) for low, high, mark in pieces if low < to_m and high > from_m]
+
+
 def read_marks(
     reader: MapReader, lane: Element, side: int, section_m: float, road_type: str
 ) -> tuple[RoadMark, ...]:
     """Return the marks of a lane's outer border (of the centre lane, side 0: its own), ordered by start."""
-    marks = [_mark(reader, el, side, section_m, road_type) for el in children(lane, "roadMark")]
+    marks = [read_mark(reader, el, side, section_m, road_type) for el in children(lane, "roadMark")]
     by_start = {mark.start_m: mark for mark in sorted(marks, key=lambda mark: mark.start_m)}
     return tuple(by_start.values())
 
 
-def _mark(reader: MapReader, el: Element, side: int, section_m: float, road_type: str) -> RoadMark:
+def read_mark(reader: MapReader, el: Element, side: int, section_m: float, road_type: str) -> RoadMark:
+    """Return one <roadMark>, whose sOffset counts from `section_m`."""
     start = section_m + reader.at_least(el, "sOffset", 0.0, 0.0)
     words = reader.text(el, "type").replace("_", " ").lower()
     width = _width(reader, el)
@@ -144,7 +160,21 @@ def _mark(reader: MapReader, el: Element, side: int, section_m: float, road_type
         stripes = _default(words, double, side, start, width, road_type)
     stripes = _two_at_most(reader, el, stripes)
     kind = _kind(words, stripes)
-    return RoadMark(start, kind, _colour(reader, el, kind), tuple(stripes))
+    paint = own_data(el, "vsensor.paint", "paint")
+    return RoadMark(
+        start,
+        kind,
+        _colour(reader, el, kind),
+        tuple(stripes),
+        _over_s(reader, paint, "contrast"),
+        _over_s(reader, paint, "wear"),
+        paint is None or reader.choice(paint, "valid", ("true", "false")) == "true",
+    )
+
+
+def _over_s(reader: MapReader, paint: Element | None, name: str) -> Cubics | None:
+    records = [read_cubic(reader, el, "s") for el in children(paint, name)]
+    return Cubics.of(records) if records else None
 
 
 def _colour(reader: MapReader, el: Element, kind: MarkingKind) -> Colour:

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from vsensor.errors import MapError
-from vsensor.types import Array
+from vsensor.types import Array, Swell
+from vsensor.world.opendrive.extras import PaintedArea, PaintedLine
 from vsensor.world.opendrive.lanes import Section
 from vsensor.world.opendrive.planview import PlanView
 from vsensor.world.opendrive.polynomial import Cubics
@@ -40,7 +41,11 @@ class Connection:
 
 @dataclass(frozen=True, slots=True)
 class Road:
-    """One road. s in [0, length_m] along the reference line, t to its left, h up from the surface."""
+    """One road. s in [0, length_m] along the reference line, t to its left, h up from the surface.
+
+    `lines` are painted ones that are no lane's border, `ground` is paint that is no line, `swells` (over s)
+    make it uneven.
+    """
 
     id: str
     length_m: float
@@ -53,6 +58,9 @@ class Road:
     sections: tuple[Section, ...]
     predecessor: RoadLink | None
     successor: RoadLink | None
+    lines: tuple[PaintedLine, ...] = ()
+    ground: tuple[PaintedArea, ...] = ()
+    swells: tuple[Swell, ...] = ()
 
     def cross(self, s_m: Array) -> Cross:
         """Return the road's frame and its derivatives at s (N,)."""

@@ -87,8 +87,25 @@ def children(element: Element | None, *names: str) -> Iterator[Element]:
         yield from element.iterchildren(*names)
 
 
-def read_root(path: Path) -> Element:
-    """Return the root element, names without namespaces; raises MapError. No entity, DTD or network."""
+def own_data(element: Element, code: str, tag: str) -> Element | None:
+    """Return the first `tag` inside the userData of this code, None without one; what others wrote stays."""
+    for data in children(element, "userData"):
+        if data.get("code") == code:
+            return data.find(tag)
+    return None
+
+
+def read_cubic(reader: MapReader, element: Element, start: str) -> tuple[float, float, float, float, float]:
+    """Return the record's start (attribute `start`) and its coefficients a, b, c, d."""
+    a, b, c, d = (reader.number(element, name) for name in "abcd")
+    return reader.number(element, start), a, b, c, d
+
+
+def read_root(path: Path, text: bytes | None = None) -> Element:
+    """Return the root element, names without namespaces; raises MapError. No entity, DTD or network.
+
+    `text` stands in place of the file's content.
+    """
     parser = etree.XMLParser(
         resolve_entities=False,
         no_network=True,
@@ -98,7 +115,8 @@ def read_root(path: Path) -> Element:
         remove_pis=True,
     )
     try:
-        tree: Any = etree.fromstring(path.read_bytes(), parser).getroottree()
+        content = path.read_bytes() if text is None else text
+        tree: Any = etree.fromstring(content, parser).getroottree()
     except etree.XMLSyntaxError as error:
         line = error.lineno or 0
         reason = " ".join((error.msg or "not XML").split())

@@ -1,0 +1,48 @@
+"""Roads from a short description: TOML or Python in, OpenDRIVE out, read back by the map's own reader."""
+
+from vsensor.world.road.config import (
+    SCHEMA,
+    Arc,
+    Bend,
+    Clothoid,
+    ConstructionConfig,
+    CrosswalkConfig,
+    GapConfig,
+    GhostConfig,
+    GradeConfig,
+    LaneConfig,
+    LinkConfig,
+    PaintConfig,
+    RoadConfig,
+    RoadFile,
+    RoughConfig,
+    StopLineConfig,
+    Straight,
+    StretchConfig,
+)
+from vsensor.world.road.load import is_road_file, load_road, opendrive_of, opendrive_text
+
+__all__ = [
+    "SCHEMA",
+    "Arc",
+    "Bend",
+    "Clothoid",
+    "ConstructionConfig",
+    "CrosswalkConfig",
+    "GapConfig",
+    "GhostConfig",
+    "GradeConfig",
+    "LaneConfig",
+    "LinkConfig",
+    "PaintConfig",
+    "RoadConfig",
+    "RoadFile",
+    "RoughConfig",
+    "StopLineConfig",
+    "Straight",
+    "StretchConfig",
+    "is_road_file",
+    "load_road",
+    "opendrive_of",
+    "opendrive_text",
+]
