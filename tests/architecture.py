@@ -9,7 +9,7 @@ PACKAGE = "vsensor"
 ORDER = """
     types errors stop scenarios
     / transforms draws schema
-    / scene raycast distortion motion
+    / scene raycast distortion motion light
     / camera region error_model lanefit tracker quality
     / sensor image
     / e2e

@@ -13,10 +13,11 @@ from vsensor.distortion import DistortionConfig
 from vsensor.draws import Draws
 from vsensor.errors import ConfigError
 from vsensor.image import ImageConfig, render
-from vsensor.image.config import RAIN_EXTINCTION_PER_M, RAIN_VEIL, WET_PAINT
+from vsensor.image.config import RAIN_VEIL
 from vsensor.image.coverage import chained, coverage, outline
 from vsensor.image.ground import worn
 from vsensor.image.hills import Skyline
+from vsensor.light import RAIN_EXTINCTION_PER_M, WET_PAINT
 from vsensor.raycast import mesh_of
 from vsensor.transforms import transform
 from vsensor.types import (

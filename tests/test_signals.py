@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from tests.bus_values import AVAILABLE, boundary, ego, estimate, four_lines
 from vsensor.errors import ConfigError
-from vsensor.profile import QUANTITIES, GeometryConfig
+from vsensor.profile import QUANTITIES, GeometryConfig, Wiper
 from vsensor.signals import VehicleConfig, columns_from_bus, from_bus, to_bus, values_from
-from vsensor.types import Environment, Light, SensorMode, Side
+from vsensor.types import Beam, Environment, Light, SensorMode, Side
 
 VEHICLE = VehicleConfig(wheelbase_m=3.0, front_overhang_m=1.0, width_m=2.0)
 LATERAL = [name for name, quantity in QUANTITIES.items() if quantity.lateral]
@@ -142,6 +142,24 @@ def test_a_polynomial_of_higher_order_is_reported_as_the_nearest_cubic():
 def test_light_and_rain_come_from_the_environment():
     found = values_from(VEHICLE, estimate(), ego(), AVAILABLE, Environment(light=Light.NIGHT, rain=0.5))
     assert (found["sensor.light"], found["sensor.rain"]) == (2, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("environment", "wiper", "low", "high"),
+    [
+        (Environment(), Wiper.OFF, 0, 0),
+        (Environment(rain=0.01), Wiper.INTERVAL, 1, 0),
+        (Environment(rain=0.4), Wiper.SLOW, 1, 0),
+        (Environment(rain=0.9), Wiper.FAST, 1, 0),
+        (Environment(light=Light.NIGHT), Wiper.OFF, 1, 0),
+        (Environment(visibility_m=80.0), Wiper.OFF, 1, 0),
+        (Environment(light=Light.NIGHT, beam=Beam.HIGH), Wiper.OFF, 1, 1),
+        (Environment(light=Light.NIGHT, beam=Beam.OFF), Wiper.OFF, 0, 0),
+    ],
+)
+def test_wipers_and_headlights_follow_from_the_weather(environment, wiper, low, high):
+    found = values_from(VEHICLE, estimate(), ego(), AVAILABLE, environment)
+    assert [found[f"ego.{name}"] for name in ("wiper", "low_beam", "high_beam")] == [wiper, low, high]
 
 
 # ---- geometry of a bus -----------------------------------------------------------------------------

@@ -105,6 +105,7 @@ def test_only_metres_driven_fast_enough_and_after_the_start_calibrate():
     [
         (StateConfig(init_s=0.0, degraded_from_rain=0.5), Environment(rain=0.5)),
         (StateConfig(init_s=0.0, degraded_light=("night",)), Environment(light=Light.NIGHT)),
+        (StateConfig(init_s=0.0, degraded_below_m=80.0), Environment(visibility_m=79.0)),
     ],
 )
 def test_bad_sight_degrades_it_where_the_configuration_says_so(config, environment):

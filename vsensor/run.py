@@ -34,6 +34,8 @@ class RunOptions:
     bus: str | None = None
     log: Path | None = None
     trace: Path | None = None
+    truth: Path | None = None
+    truth_every: int = 1
     picture: Path | None = None
     images: Path | None = None
     image_every: int = 25
@@ -102,7 +104,10 @@ def run_scenario(
         )
     if bus is not None:
         summary.notes += bus.report()
-    written = (options.log, options.trace, options.picture, options.images, options.video)
+    written = (
+        *(options.log, options.trace, options.truth),
+        *(options.picture, options.images, options.video),
+    )
     summary.notes += [f"wrote {path}" for path in written if path]
     return summary
 
@@ -149,7 +154,8 @@ def _rhythm(line: Line) -> str:
 
 def _require_places(scenario: Scenario, options: RunOptions) -> None:
     """Refuse files that cannot be written, and those that the run reads, before anything is replaced."""
-    for path in filter(None, (options.log, options.trace, options.picture, options.video)):
+    files = (options.log, options.trace, options.truth, options.picture, options.video)
+    for path in filter(None, files):
         if path.is_dir():
             raise ConfigError(f"{path}: cannot be written: is a folder")
         if not path.parent.is_dir():
@@ -157,9 +163,14 @@ def _require_places(scenario: Scenario, options: RunOptions) -> None:
         if path.exists() and any(path.samefile(f) for f in (scenario.source, scenario.path) if f):
             raise ConfigError(f"{path}: this run reads it, so it cannot be written over")
     if options.trace is not None:
-        from vsensor.sinks.trace_file import writer_for
+        from vsensor.sinks.rows import writer_for
 
         writer_for(options.trace)
+    if options.truth is not None:
+        from vsensor.sinks.rows import writer_for
+        from vsensor.sinks.truth_points import SUFFIXES
+
+        writer_for(options.truth, SUFFIXES)
     if options.realtime and options.fast:
         raise ConfigError("--realtime and --fast exclude each other: --fast takes no time at all")
     if (options.images or options.video) and not options.fast:
@@ -223,20 +234,26 @@ def _sinks(
     if options.trace is not None:
         from vsensor.sinks.trace import TraceSink
 
+        vehicle = scenario.config.vehicle
         sinks.append(
             TraceSink(
                 options.trace,
-                front_axle_x_m=scenario.config.vehicle.wheelbase_m,
-                metadata={
-                    "scenario": scenario.name,
-                    "source": scenario.config.source,
-                    "seed": scenario.config.seed,
-                    "cycle_ms": scenario.config.cycle_ms,
-                    "profile": line.profile.name,
-                    "quantisation_m": {
-                        str(x): error for x, error in quantisation_error_m(line.profile).items()
-                    },
-                },
+                front_axle_x_m=vehicle.wheelbase_m,
+                metadata=_told(scenario, line),
+                vehicle=vehicle,
+                camera=line.sensor.camera,
+            )
+        )
+        stack.callback(sinks[-1].close)
+    if options.truth is not None:
+        from vsensor.sinks.truth_points import TruthSink
+
+        sinks.append(
+            TruthSink(
+                options.truth,
+                camera=line.sensor.camera,
+                every=options.truth_every,
+                metadata=_told(scenario, line),
             )
         )
         stack.callback(sinks[-1].close)
@@ -246,6 +263,18 @@ def _sinks(
         sinks.append(TableSink())
         stack.callback(sinks[-1].close)
     return sinks
+
+
+def _told(scenario: Scenario, line: Line) -> dict[str, object]:
+    """Return what a trace says of its run."""
+    return {
+        "scenario": scenario.name,
+        "source": scenario.config.source,
+        "seed": scenario.config.seed,
+        "cycle_ms": scenario.config.cycle_ms,
+        "profile": line.profile.name,
+        "quantisation_m": {str(x): error for x, error in quantisation_error_m(line.profile).items()},
+    }
 
 
 def _tell_start(sinks: Sequence[Sink], epoch_ns: int) -> None:

@@ -33,6 +33,9 @@ _RANGE_HEADER = (
     *("available %", "measured %", "predicted %", "false reports"),
 )
 
+_LINE_TRUTHS = ("truth_c", "truth_y_", "truth_lane_offset")
+"""Columns that say where the true line is; NaN in all of them where there is none."""
+
 Trace = Mapping[str, NDArray[Any]]
 
 
@@ -123,7 +126,7 @@ def _chosen(trace: Trace, mask: NDArray[Any]) -> Trace:
 
 
 def _score(name: str, trace: Trace) -> SideScore:
-    truths = [trace[column] for column in trace if column.startswith("truth_")]
+    truths = [trace[column] for column in trace if column.startswith(_LINE_TRUTHS)]
     is_true = np.isfinite(truths).any(axis=0)
     is_reported = np.isfinite(trace["x_max_m"])
     x_max = trace["x_max_m"][is_reported]

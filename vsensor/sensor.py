@@ -177,6 +177,7 @@ def _conditions(ego: EgoState, scene: Scene) -> Conditions:
         curvature_per_m=ego.yaw_rate_radps / ego.speed_mps if ego.speed_mps > 1.0 else nan,
         night=scene.environment.light is Light.NIGHT,
         rain=scene.environment.rain,
+        visibility_m=scene.environment.visibility_m,
     )
 
 

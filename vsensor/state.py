@@ -38,9 +38,10 @@ class StateConfig(Config, frozen=True, kw_only=True):
     """`[state]`: how long the sensor takes to start, and what makes it less than available.
 
     After `init_s` it calibrates for `calibrating_s` and until it has driven `calibrating_m` at
-    `calibrating_above_mps` or faster. Rain of `degraded_from_rain` (0 to 1) and the light named in
-    `degraded_light` degrade it; no line is better than `degraded_quality` then. It calls itself blocked
-    once something has hidden all lines for `blocked_after_s` (None: never).
+    `calibrating_above_mps` or faster. Rain of `degraded_from_rain` (0 to 1), a visibility below
+    `degraded_below_m` and the light named in `degraded_light` degrade it; no line is better than
+    `degraded_quality` then. It calls itself blocked once something has hidden all lines for
+    `blocked_after_s` (None: never).
     """
 
     init_s: _Seconds = 0.2
@@ -48,6 +49,7 @@ class StateConfig(Config, frozen=True, kw_only=True):
     calibrating_m: Annotated[float, msgspec.Meta(ge=0, le=100_000)] = 0.0
     calibrating_above_mps: Annotated[float, msgspec.Meta(ge=0, le=100)] = 0.0
     degraded_from_rain: Annotated[float, msgspec.Meta(gt=0, le=1)] | None = None
+    degraded_below_m: Annotated[float, msgspec.Meta(gt=0, le=10_000)] | None = None
     degraded_light: tuple[Literal["dusk", "night"], ...] = ()
     degraded_quality: Annotated[int, msgspec.Meta(ge=0, le=4)] = 4
     blocked_after_s: Annotated[float, msgspec.Meta(ge=0, le=3600)] | None = None
@@ -165,7 +167,8 @@ def _is_blocked(config: StateConfig, hidden_since_ns: int | None, tick: Tick) ->
 def _is_degraded(config: StateConfig, causes: Causes) -> bool:
     weather = causes.environment
     wet = config.degraded_from_rain is not None and weather.rain >= config.degraded_from_rain
-    return causes.degraded or wet or weather.light.name.lower() in config.degraded_light
+    foggy = config.degraded_below_m is not None and weather.visibility_m < config.degraded_below_m
+    return causes.degraded or wet or foggy or weather.light.name.lower() in config.degraded_light
 
 
 def _ns(seconds: float) -> int:

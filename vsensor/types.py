@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from typing import Any
+from typing import Any, Protocol
 
 import msgspec
 import numpy as np
@@ -20,6 +20,8 @@ BoolArray = NDArray[np.bool_]
 ComplexArray = NDArray[np.complex128]
 
 NANOSECONDS_PER_SECOND = 1_000_000_000
+FOG_M = 1000.0
+"""Below this meteorological visibility it is called fog."""
 
 
 class MarkingKind(IntEnum):
@@ -90,6 +92,7 @@ class Unseen(IntEnum):
     LOST = 8  # dropped by the error model or a fault
     BEYOND_SIGHT = 9  # deeper than the camera sees, or where its inverse finds no road
     TOO_NARROW = 10  # paint of too few pixels across
+    TOO_FAINT = 11  # paint too little lighter than the road: light, rain, fog, wear
 
 
 class Light(IntEnum):
@@ -98,6 +101,14 @@ class Light(IntEnum):
     DAY = 0
     DUSK = 1
     NIGHT = 2
+
+
+class Beam(IntEnum):
+    """The own headlights."""
+
+    OFF = 0
+    LOW = 1
+    HIGH = 2
 
 
 class SensorMode(IntEnum):
@@ -176,6 +187,18 @@ class EgoState:
     uneven: Unevenness | None = None
 
 
+class Curve(Protocol):
+    """The exact curves that the points of markings lie on, at places between them too."""
+
+    def series(self, ids: IntArray, stations: Array) -> Array:
+        """Return p, p', p''/2, p'''/6 (4, 3, N) of the world points p of markings `ids` (N,) at stations.
+
+        `stations` (N,) count the points of a marking, with fractions; the derivatives are over a parameter
+        that runs along the driving direction. NaN where no curve is known.
+        """
+        ...
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Marking:
     """One painted stripe as a chain of points along the driving direction, across roads and kinds.
@@ -186,7 +209,8 @@ class Marking:
     (N,) Colour; `width_m` (N,) of the stripe. `contrast` 0..1 of the paint that is left, `wear` 0..1 the
     part that is gone, in patches; `valid`: whether it bounds a lane, False for what was removed or is
     overridden; each a value or (N,). Stripes of one border share `group`; `stripe` says which one this is.
-    `id` is stable for the whole run.
+    `id` is stable for the whole run. `curve` is what the points lie on, the first of them at its `station`;
+    None where nothing but the points is known.
     """
 
     id: int
@@ -200,6 +224,8 @@ class Marking:
     contrast: Array | float = 1.0
     wear: Array | float = 0.0
     valid: BoolArray | bool = True
+    curve: Curve | None = None
+    station: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -255,10 +281,24 @@ class RoadSurface:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Environment:
-    """Light and rain; `rain` from 0 (dry) to 1 (heaviest)."""
+    """Light and weather; `rain` from 0 (dry) to 1 (heaviest).
+
+    `visibility_m` is the meteorological visibility in fog (5 % of a contrast is left there), inf without.
+    `beam` is what the driver has switched on, None: what the law asks for, see `headlights`.
+    """
 
     light: Light = Light.DAY
     rain: float = 0.0
+    visibility_m: float = math.inf
+    beam: Beam | None = None
+
+    @property
+    def headlights(self) -> Beam:
+        """The own headlights; as long as nobody says otherwise low beams when it is not a clear day."""
+        if self.beam is not None:
+            return self.beam
+        is_hindered = self.light is not Light.DAY or self.rain > 0.0 or self.visibility_m < FOG_M
+        return Beam.LOW if is_hindered else Beam.OFF
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,13 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.outputs import Drawn, circle, four_lines, output_of, straight
+from tests.outputs import Drawn, circle, ego_at, four_lines, output_of, straight
+from tests.roads import box
+from tests.roads import straight as road_line
+from tests.truths import output_at
+from vsensor.camera import Camera, CameraConfig
 from vsensor.errors import ConfigError
 from vsensor.sinks.trace import TraceSink, read_trace, rows
-from vsensor.sinks.trace_file import COLUMNS, read_trace_and_metadata
-from vsensor.types import SIDE_NAMES, MarkingKind, Side, Unseen
+from vsensor.sinks.trace_file import COLUMNS, ROW, read_trace_and_metadata
+from vsensor.types import SIDE_NAMES, Environment, Light, MarkingKind, Side, Unseen
 
 AXLE_M = 2.8
+P3 = ("offset_m", "heading_rad", "curvature_per_m", "curvature_rate_per_m2")
 SUFFIXES = [".npz", ".csv", ".parquet"]
 
 
@@ -38,6 +43,13 @@ def test_the_columns_are_those_of_the_design():
         *["t_ns", "tick", "side", "kind", "quality", "measured", "x_min_m", "x_max_m"],
         *["c0", "c1", "c2", "c3", "truth_c0", "truth_c1", "truth_c2", "truth_c3", *truth_y, *y],
         *["lane_offset_m", "truth_lane_offset_m", "reason_unseen", "speed_mps", "yaw_rate_radps"],
+        *["occluded_by", "occluded_share"],
+        *[f"map_{name}" for name in P3],
+        *[f"fit_{name}" for name in P3],
+        *["fit_std_m", "lane_width_m", "truth_lane_width_m", "lateral_speed_mps", "truth_lateral_speed_mps"],
+        *["time_to_crossing_s", "truth_time_to_crossing_s"],
+        *["ego_x_m", "ego_y_m", "ego_z_m", "ego_roll_rad", "ego_pitch_rad", "ego_yaw_rad"],
+        *["acceleration_mps2", "lateral_acceleration_mps2", "light", "rain", "visibility_m"],
     ]
 
 
@@ -128,7 +140,7 @@ def test_what_the_run_says_of_itself_comes_back(tmp_path, suffix):
 
 
 def test_more_rows_than_a_chunk_are_all_kept_in_order(tmp_path, monkeypatch):
-    monkeypatch.setattr("vsensor.sinks.trace._CHUNK_ROWS", 3)
+    monkeypatch.setattr("vsensor.sinks.rows._CHUNK_ROWS", 3)
     trace = traced(tmp_path, *(output_of([Drawn(y=straight(1.8))], tick=t) for t in range(10)))
     assert trace["tick"].tolist() == list(range(10))
 
@@ -192,8 +204,8 @@ def test_a_foreign_npz_is_refused(tmp_path):
 
 def test_a_newer_schema_is_refused_by_version(tmp_path):
     path = written(tmp_path / "t.csv", [])
-    path.write_text(path.read_text().replace("vsensor.trace/1", "vsensor.trace/2"))
-    with pytest.raises(ConfigError, match=r"vsensor\.trace/2.*vsensor\.trace/1"):
+    path.write_text(path.read_text().replace("vsensor.trace/2", "vsensor.trace/3"))
+    with pytest.raises(ConfigError, match=r"vsensor\.trace/3.*vsensor\.trace/2"):
         read_trace(path)
 
 
@@ -204,7 +216,7 @@ def test_a_newer_schema_is_refused_by_version(tmp_path):
         ("\n0,0,0,", "\n0,0.5,0,", "column tick holds values that are not whole"),
         ("\n0,0,0,", "\n0,0,-1,", "column side holds values outside of 0 to 255"),
         ("\n0,0,0,", "\n0,zero,0,", "line 3: .*zero"),
-        ("\n0,0,0,", "\n0,0,0,0,", "line 3 has 32 values, 31 were expected"),
+        ("\n0,0,0,", "\n0,0,0,0,", "line 3 has 60 values, 59 were expected"),
         ("# rows 1", "# rows 2", "cut off"),
         ("# {", "{", "its first line"),
         ('# {"schema"', '# {"schema', "no JSON object"),
@@ -252,7 +264,7 @@ def test_the_kind_of_a_report_is_kept(tmp_path):
 
 def test_the_description_is_plain_json_in_an_npz(tmp_path):
     with np.load(written(tmp_path / "t.npz", [])) as file:
-        assert json.loads(str(file["metadata"]))["schema"] == "vsensor.trace/1"
+        assert json.loads(str(file["metadata"]))["schema"] == "vsensor.trace/2"
 
 
 def test_a_line_that_was_fitted_but_not_sent_is_no_report(tmp_path):
@@ -262,3 +274,80 @@ def test_a_line_that_was_fitted_but_not_sent_is_no_report(tmp_path):
         assert len(found) == 4
         reported = [row[COLUMNS.index("quality")] > 0 for row in found]
         assert reported == [number == 0] * 4
+
+
+def test_a_file_of_schema_1_still_loads_and_what_it_lacks_is_not_known(tmp_path):
+    new = read_trace(written(tmp_path / "new.npz", [output_of(four_lines())]))
+    old = {name: new[name] for name in COLUMNS[: COLUMNS.index("yaw_rate_radps") + 1]}
+    np.savez(tmp_path / "old.npz", metadata=np.array(json.dumps({"schema": "vsensor.trace/1"})), **old)
+    found = read_trace(tmp_path / "old.npz")
+    assert list(found) == list(COLUMNS)
+    np.testing.assert_array_equal(found["c0"], new["c0"])
+    assert set(found["occluded_by"]) == {-1}
+    assert set(found["light"]) == {255}
+    assert np.isnan(found["map_curvature_per_m"]).all()
+
+
+def test_a_file_of_schema_2_that_lacks_a_column_is_refused(tmp_path):
+    new = read_trace(written(tmp_path / "new.npz", [output_of(four_lines())]))
+    del new["fit_std_m"]
+    np.savez(tmp_path / "cut.npz", metadata=np.array(json.dumps({"schema": "vsensor.trace/2"})), **new)
+    with pytest.raises(ConfigError, match="column fit_std_m is missing"):
+        read_trace(tmp_path / "cut.npz")
+
+
+def test_the_fit_over_all_true_points_is_told_in_the_words_of_p3(tmp_path):
+    """A parabola y = 1.8 + 0.02 x + 0.001 x^2: y0, atan of the slope, second and third derivative."""
+    trace = traced(tmp_path, output_of([Drawn(y=lambda x: 1.8 + 0.02 * x + 0.001 * x**2)]))
+    found = [trace[f"fit_{name}"][0] for name in P3]
+    np.testing.assert_allclose(found, [1.8, math.atan(0.02), 0.002, 0.0], atol=1e-9)
+    assert trace["fit_std_m"][0] < 1e-9
+    assert np.isnan([trace[f"map_{name}"][0] for name in P3]).all()  # drawn by points: no curve is known
+
+
+def test_pose_and_weather_of_the_tick_stand_in_every_row(tmp_path):
+    output = output_of(four_lines(), ego=ego_at(5.0, -7.0, 0.3))
+    air = Environment(light=Light.NIGHT, rain=0.5, visibility_m=300.0)
+    scene = replace(output.snapshot.scene, environment=air)
+    trace = traced(tmp_path, replace(output, snapshot=replace(output.snapshot, scene=scene)))
+    for name, value in (
+        ("ego_x_m", 5.0),
+        ("ego_y_m", -7.0),
+        ("ego_yaw_rad", 0.3),
+        ("light", 2),
+        ("rain", 0.5),
+    ):
+        assert set(trace[name]) == {value}
+    assert set(trace["visibility_m"]) == {300.0}
+
+
+def test_the_lane_as_sent_stands_beside_the_true_one(tmp_path):
+    output = output_of(four_lines(), values={"lane.width_m": 3.6, "lane.time_to_crossing_s": 7.0})
+    trace = traced(tmp_path, output)
+    assert set(trace["lane_width_m"]) == {3.6}
+    np.testing.assert_allclose(trace["truth_lane_width_m"], 3.7 - 0.15, atol=1e-9)
+    assert set(trace["time_to_crossing_s"]) == {7.0}
+
+
+def behind(*boxes):
+    """Return the output of two lines that boxes hide, and the camera that looks."""
+    camera = Camera.from_config(CameraConfig(pixel_grid=False))
+    markings = [road_line(1.8, 0), road_line(-1.8, 1)]
+    return output_at(ego_at(), markings, camera=camera, obstacles=boxes), camera
+
+
+def test_the_object_that_hides_most_of_a_line_is_named():
+    output, camera = behind(box(60.0, 3.0, number=9), box(14.0, 1.6, number=7))
+    table = np.array(list(rows(output, AXLE_M, camera=camera)), ROW)
+    left, right = table[table["side"] == Side.LEFT][0], table[table["side"] == Side.RIGHT][0]
+    assert left["occluded_by"] == 7
+    assert 0.3 < left["occluded_share"] < 1.0
+    assert right["occluded_by"] == -1
+    assert right["occluded_share"] == 0.0
+
+
+def test_without_a_camera_nobody_is_named():
+    output, _ = behind(box(14.0, 1.6, number=7))
+    table = np.array(list(rows(output, AXLE_M)), ROW)
+    assert set(table["occluded_by"]) == {-1}
+    assert table["occluded_share"].max() > 0.3

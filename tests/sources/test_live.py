@@ -19,7 +19,7 @@ from vsensor.sources.map_drive import EgoConfig, MapDrive
 from vsensor.sources.placing import Foot, Ground
 from vsensor.sources.reckoning import Course, heard, settled, value_at
 from vsensor.transforms import rotation_from_rpy
-from vsensor.types import Environment, Frame, Light, Tick
+from vsensor.types import Beam, Environment, Frame, Light, Tick
 from vsensor.world.corridor import Corridor
 from vsensor.world.vehicle import DynamicsConfig, SingleTrack
 
@@ -604,6 +604,9 @@ NIGHT_RAIN = Environment(light=Light.NIGHT, rain=0.7)
         ({"wiper": 1.0, "low_beam": 1.0}, Environment(light=Light.NIGHT, rain=0.2)),
         ({"wiper": 2.0}, Environment(light=Light.NIGHT, rain=0.5)),
         ({"light": 0.0, "low_beam": 1.0}, Environment(light=Light.DAY, rain=0.7)),
+        ({"light": 2.0, "low_beam": 0.0}, replace(NIGHT_RAIN, beam=Beam.OFF)),
+        ({"light": 2.0, "low_beam": 1.0}, NIGHT_RAIN),
+        ({"high_beam": 1.0}, replace(NIGHT_RAIN, beam=Beam.HIGH)),
         ({}, NIGHT_RAIN),
     ],
 )

@@ -7,7 +7,7 @@ from vsensor.errors import ConfigError
 from vsensor.line import build_line
 from vsensor.schema import convert
 from vsensor.sources.weather import EnvironmentConfig, Weather
-from vsensor.types import Environment, Light, Tick
+from vsensor.types import Beam, Environment, Light, Tick
 
 EVENING = {"light": [[1.0, "day"], [2.0, "dusk"], [3.0, "night"]], "rain": [[1.0, 0.0], [3.0, 0.8]]}
 
@@ -41,6 +41,17 @@ def test_one_value_holds_all_the_time():
     )
 
 
+def test_fog_comes_down_and_headlights_are_switched_over_time():
+    fog = weather(
+        {"visibility_m": [[0, 500], [10, 100]], "headlights": [[0, "low"], [5, "high"], [8, "auto"]]}
+    )
+    assert fog.at(5.0) == Environment(visibility_m=pytest.approx(300.0), beam=Beam.HIGH)
+    assert fog.at(20.0) == Environment(visibility_m=100.0)
+    assert Weather.of(Environment(visibility_m=80.0, beam=Beam.OFF)).at(3.0) == Environment(
+        visibility_m=80.0, beam=Beam.OFF
+    )
+
+
 @pytest.mark.parametrize(
     ("table", "expected"),
     [
@@ -52,6 +63,9 @@ def test_one_value_holds_all_the_time():
         ({"rain": [[0, 0.0], [1, -0.1]]}, "environment: rain: values from 0 to 1"),
         ({"rain": [[1, 0.0], [0, 0.1]]}, "environment: rain: times must rise"),
         ({"rain": []}, "environment: rain: an empty list"),
+        ({"visibility_m": 4.0}, "environment: visibility_m: values from 5 m"),
+        ({"headlights": "dim"}, "environment.headlights"),
+        ({"headlights": [[1, "low"], [0, "high"]]}, "environment: headlights: times must rise"),
     ],
 )
 def test_weather_that_cannot_be_is_refused_where_the_file_is_read(table, expected):

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from tests.outputs import Drawn, circle, ego_at, four_lines, output_of, straight
+from vsensor.signals import VehicleConfig
 from vsensor.types import MarkingKind, Side, Stripe, Unseen
-from vsensor.world.truth import RANGES_M, best_cubic, lane_width_m, line_truths
+from vsensor.world.truth import RANGES_M, best_cubic, lane_truth, line_truths
 
 AXLE_M = 2.8
 POINT_SPACING_M = 0.1
@@ -141,7 +142,8 @@ def test_the_lane_offset_goes_to_the_inner_edge_at_the_front_axle():
     half = width / 2 * math.sqrt(1 + slope**2)
     assert truths[Side.LEFT].lane_offset_m == pytest.approx(1.8 + slope * AXLE_M - half, abs=1e-12)
     assert truths[Side.RIGHT].lane_offset_m == pytest.approx(-1.9 + slope * AXLE_M + half, abs=1e-12)
-    assert lane_width_m(truths) == pytest.approx(3.7 - 2 * half, abs=1e-12)
+    across = (3.7 - 2 * half) * math.cos(math.atan(slope))
+    assert lane_truth(VehicleConfig(), truths, ego_at()).width_m == pytest.approx(across, abs=1e-12)
 
 
 def test_a_line_that_begins_ahead_of_the_front_axle_has_no_lane_offset():
@@ -150,7 +152,8 @@ def test_a_line_that_begins_ahead_of_the_front_axle_has_no_lane_offset():
 
 
 def test_a_lane_without_two_lines_has_no_width():
-    assert math.isnan(lane_width_m(line_truths(output_of([Drawn(y=straight(1.8))]), AXLE_M)))
+    truths = line_truths(output_of([Drawn(y=straight(1.8))]), AXLE_M)
+    assert math.isnan(lane_truth(VehicleConfig(), truths, ego_at()).width_m)
 
 
 def test_a_double_line_is_its_inner_stripe():

@@ -35,8 +35,11 @@ class CameraConfig(Config, frozen=True, kw_only=True):
 
     Sight: `min_range_m` and `max_range_m` are the least and greatest depth along the optical axis; paint
     is seen where it is at least `min_width_px` wide in the image, across the line's direction there.
-    `occlusion`: boxes = shadow test (a mesh counts as its box), embree = rays, auto = whichever is
-    faster for the scene, none = nothing is hidden; `crest`: the road itself hides what lies behind.
+    `min_contrast` is how much lighter than the road paint must look, relative to the road (0: no matter how
+    little): light, rain, fog and wear say how far that is. The default is two deviations of the asphalt's
+    own unevenness. `occlusion`: boxes = shadow test (a mesh counts as its box), embree = rays, auto =
+    whichever is faster for the scene, none = nothing is hidden; `crest`: the road itself hides what lies
+    behind.
 
     Back to the road: `inverse = "true_depth"` places a pixel by the depth of what is there (P1);
     "ground_plane" as one camera alone must, where its ray meets the flat road under a camera of the
@@ -60,6 +63,7 @@ class CameraConfig(Config, frozen=True, kw_only=True):
     min_range_m: Annotated[float, Meta(ge=0.01, le=50.0)] = 0.5
     max_range_m: Annotated[float, Meta(ge=1.0, le=10_000.0)] | None = None
     min_width_px: Annotated[float, Meta(ge=0.0, le=1000.0)] = 0.0
+    min_contrast: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.1
     pixel_grid: bool = True
     occlusion: Literal["auto", "none", "boxes", "embree"] = "auto"
     crest: bool = True

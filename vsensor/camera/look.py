@@ -7,6 +7,7 @@ markings near -> painted -> in the image -> in sight -> not hidden -> nearest pi
 import numpy as np
 
 from vsensor import raycast, scene
+from vsensor.camera.faint import too_faint
 from vsensor.camera.optics import Camera, camera_from_ego, in_image, project
 from vsensor.camera.road import back_to_road
 from vsensor.camera.sight import end_of_sight
@@ -88,6 +89,7 @@ def _look(
     codes[optical[2] < config.min_range_m] = Unseen.BEHIND_CAMERA
     if config.max_range_m is not None or config.min_width_px > 0.0:
         end_of_sight(camera, to_camera, snapshot.scene, candidates, painted, optical, codes)
+    too_faint(camera, snapshot.scene, candidates, painted, points, codes)
     seen = (codes == Unseen.SEEN).nonzero()[0]
     if config.occlusion != "none":
         hidden = _hidden(camera, scene_config, snapshot, to_camera, points.take(seen, axis=1).T)

@@ -63,6 +63,8 @@ def _run(arguments: argparse.Namespace, stopped: Callable[[], bool]) -> int:
         bus=arguments.bus,
         log=arguments.log,
         trace=arguments.trace,
+        truth=arguments.truth,
+        truth_every=arguments.truth_every,
         picture=arguments.picture,
         images=arguments.images,
         image_every=arguments.image_every,
@@ -135,6 +137,13 @@ def add_run(commands: Commands) -> None:
     )
     added.add_argument("--log", type=Path, metavar="FILE", help="write what was sent: .log .asc .blf .mf4")
     added.add_argument("--trace", type=Path, metavar="FILE", help="truth beside output: .npz .csv .parquet")
+    added.add_argument(
+        "--truth",
+        type=Path,
+        metavar="FILE",
+        help="every 0.1 m of the true lines, and why unseen: .npz .parquet",
+    )
+    added.add_argument("--truth-every", type=ticks, default=1, metavar="N", help="of every N-th tick (1)")
     added.add_argument("--picture", type=Path, metavar="FILE", help="draw lanes and camera view: .png .svg")
     added.add_argument(
         "--images", type=Path, metavar="DIR", help="draw what the camera sees: PNGs; with --fast"

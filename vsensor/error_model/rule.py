@@ -24,6 +24,7 @@ class Conditions:
     curvature_per_m: float = nan
     night: bool = False
     rain: float = 0.0
+    visibility_m: float = inf
 
 
 COLUMNS = tuple(Conditions.__slots__)

@@ -8,7 +8,7 @@ import numpy as np
 from vsensor.errors import LogError
 from vsensor.field.config import ScanLimits
 from vsensor.logs.decode import DecodedFrames, DecodedTable
-from vsensor.profile import Profile
+from vsensor.profile import RAIN_OF_WIPER, Profile, Wiper
 from vsensor.signals import columns_from_bus
 from vsensor.types import (
     NANOSECONDS_PER_SECOND,
@@ -27,7 +27,7 @@ ENVELOPE_NS = 60 * NANOSECONDS_PER_SECOND
 LONGEST_DELAY_NS = 500_000_000
 MOST_RESTARTS = 20
 """Time stamps that fall or stand more often in a log are no clock."""
-RAIN_OF_WIPER = np.array([0.0, 0.25, 0.5, 1.0])  # off, interval, slow, fast (profile.Wiper)
+_RAIN = np.array([RAIN_OF_WIPER[wiper] for wiper in Wiper])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -245,4 +245,4 @@ def _rain(frames: DecodedFrames, t_ns: IntArray) -> Array:
     if not np.isnan(rain).all():
         return rain
     wiper = _held(frames, "ego.wiper", t_ns)
-    return np.where(np.isnan(wiper), np.nan, RAIN_OF_WIPER[np.clip(np.nan_to_num(wiper), 0, 3).astype(int)])
+    return np.where(np.isnan(wiper), np.nan, _RAIN[np.clip(np.nan_to_num(wiper), 0, 3).astype(int)])

@@ -5,8 +5,9 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from msgspec import Meta
 
+from vsensor.light import fog_extinction_per_m
 from vsensor.schema import Config
-from vsensor.types import Array, Colour, Environment, Light
+from vsensor.types import Array, Beam, Colour, Environment, Light
 
 
 class ImageConfig(Config, frozen=True, kw_only=True):
@@ -60,19 +61,17 @@ BODY_RGB = (
 )
 """Bodies of vehicles: most are white, black, or grey."""
 
-HEADLIGHT_M = 25.0
+HEADLIGHT_M = {Beam.OFF: 25.0, Beam.LOW: 25.0, Beam.HIGH: 75.0}
 """Distance at which half of the headlights' light is left: dipped beams end at some 60 m."""
 HEADLIGHT_SLOPE, HEADLIGHT_ASIDE_M = 0.3, 3.0
 """Half as bright at this slope to the side, plus this distance."""
 RETROREFLECTION = 0.5
 """Headlights on dry asphalt against on paint, whose glass beads send the light back."""
 
-RAIN_EXTINCTION_PER_M = 0.008
-"""Of the heaviest rain: a third of the contrast is lost in 50 m."""
+HAZE_M = 300.0
+"""So much air between camera and sky turns it to the level of fog."""
 RAIN_VEIL = 0.12
 """Of the heaviest rain on the windscreen."""
-WET_PAINT = 0.4
-"""Part of the paint's contrast that the heaviest rain's film of water takes."""
 
 _LUMA = np.array([0.299, 0.587, 0.114])  # ITU-R BT.601
 
@@ -83,11 +82,17 @@ def levels(config: ImageConfig, rgb: tuple[float, float, float]) -> Array:
     return colour if config.channels == "rgb" else np.array([colour @ _LUMA])
 
 
-def rain_extinction_per_m(environment: Environment) -> float:
-    """Return how quickly contrast falls with distance, 1/m."""
-    return RAIN_EXTINCTION_PER_M * environment.rain
+def headlights_level(environment: Environment) -> float:
+    """Return the level of the own headlights at no distance."""
+    return 0.0 if environment.headlights is Beam.OFF else LIGHTING[environment.light].headlights
+
+
+def haze(environment: Environment) -> float:
+    """Return how much of the sky rain and fog hide, 0 to 1."""
+    in_fog = 1.0 - float(np.exp(-HAZE_M * fog_extinction_per_m(environment)))
+    return environment.rain + (1.0 - environment.rain) * in_fog
 
 
 def veil_level(environment: Environment) -> float:
-    """Return the level that rain draws everything towards."""
+    """Return the level that rain and fog draw everything towards."""
     return 0.6 * LIGHTING[environment.light].ambient

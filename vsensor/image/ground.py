@@ -18,12 +18,13 @@ from vsensor.image.config import (
     LIGHTING,
     RETROREFLECTION,
     ImageConfig,
-    rain_extinction_per_m,
+    headlights_level,
 )
 from vsensor.image.coverage import FloatImage
+from vsensor.light import extinction_per_m
 from vsensor.scene import world_from_ego
 from vsensor.transforms import Rigid, invert
-from vsensor.types import Array, BoolArray, EgoState, Environment, Light
+from vsensor.types import Array, Beam, BoolArray, EgoState, Environment, Light
 
 FARTHEST_M = 200.0
 """The plane is treated as no farther away than this; a road that climbs above its horizon is nearer."""
@@ -71,15 +72,15 @@ def look(
         cover,
         _relief(config, ego, eye, depth, ahead, left, camera) if config.texture else None,
         *_light(air, depth, left),
-        np.exp(depth * -rain_extinction_per_m(air)) if air.rain else None,
+        np.exp(depth * -extinction) if (extinction := extinction_per_m(air)) else None,
         blind,
     )
 
 
-def headlight(depth_m: Any, aside_m: Any) -> Any:
+def headlight(beam: Beam, depth_m: Any, aside_m: Any) -> Any:
     """Return the part of the headlights' light that falls at a depth and distance to the side."""
     wide_m = HEADLIGHT_ASIDE_M + HEADLIGHT_SLOPE * depth_m
-    return 1.0 / ((1.0 + (depth_m / HEADLIGHT_M) ** 2) * (1.0 + (aside_m / wide_m) ** 2))
+    return 1.0 / ((1.0 + (depth_m / HEADLIGHT_M[beam]) ** 2) * (1.0 + (aside_m / wide_m) ** 2))
 
 
 @cache
@@ -136,7 +137,7 @@ def _light(
     lighting = LIGHTING[air.light]
     if air.light is Light.DAY:
         return None, None
-    beam = lighting.headlights * headlight(depth, left * depth)
+    beam = headlights_level(air) * headlight(air.headlights, depth, left * depth)
     return lighting.ambient + RETROREFLECTION * beam, lighting.ambient + (1.0 - 0.5 * air.rain) * beam
 
 

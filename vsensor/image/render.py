@@ -18,8 +18,8 @@ from vsensor.image.config import (
     RAIN_VEIL,
     ROAD_RGB,
     SKY_RGB,
-    WET_PAINT,
     ImageConfig,
+    haze,
     levels,
     veil_level,
 )
@@ -28,6 +28,7 @@ from vsensor.image.ground import Ground
 from vsensor.image.hills import Skyline, road_above_horizon, without_hidden_part
 from vsensor.image.shapes import polygon_edges, stripe_edges
 from vsensor.image.solids import draw_solids
+from vsensor.light import WET_PAINT
 from vsensor.scene import world_from_ego
 from vsensor.transforms import Rigid, invert, relative_to
 from vsensor.types import Array, Colour, EgoState, Environment, Marking, Scene, Snapshot, Tick
@@ -159,7 +160,7 @@ def _background(
     ambient = LIGHTING[air.light].ambient
     road = levels(config, ROAD_RGB)
     sky = levels(config, SKY_RGB) * ambient
-    sky += air.rain * (veil_level(air) - sky)
+    sky += haze(air) * (veil_level(air) - sky)
     planes = []
     for channel in range(len(road)):
         plane = np.full((camera.config.height_px, camera.config.width_px), sky[channel], dtype=np.float32)

@@ -6,10 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from vsensor.camera import Camera, project
-from vsensor.image.config import BODY_RGB, LIGHTING, ImageConfig, levels, rain_extinction_per_m, veil_level
+from vsensor.image.config import BODY_RGB, LIGHTING, ImageConfig, headlights_level, levels, veil_level
 from vsensor.image.coverage import FloatImage, coverage
 from vsensor.image.ground import headlight
 from vsensor.image.shapes import NEAR_M, Face, box_faces
+from vsensor.light import extinction_per_m
 from vsensor.transforms import Rigid, compose, rotation_from_rpy, transform
 from vsensor.types import Array, Environment, Mesh, Obstacle
 
@@ -60,9 +61,9 @@ def draw_solids(
 def _blend(
     planes: Sequence[FloatImage], body: Array, air: Environment, drawn: _Drawn, depth_m: float
 ) -> None:
-    """Put a solid over what is there, through the rain up to its depth."""
+    """Put a solid over what is there, through rain and fog up to its depth."""
     height, width = drawn.cover.shape
-    clear = float(np.exp(-rain_extinction_per_m(air) * max(depth_m, 0.0)))
+    clear = float(np.exp(-extinction_per_m(air) * max(depth_m, 0.0)))
     veil = drawn.cover * (veil_level(air) * (1.0 - clear))
     for channel, plane in enumerate(planes):
         here = plane[drawn.top : drawn.top + height, drawn.left : drawn.left + width]
@@ -129,6 +130,7 @@ def _light(air: Environment, normals_ego: Array, depth_m: Array) -> Array:
     """Return the light (N,) on surfaces by their outward normals (N, 3) and depths."""
     lighting = LIGHTING[air.light]
     sun = _SHADE + (1.0 - _SHADE) * np.maximum(normals_ego @ _SUN_EGO, 0.0)
-    beam = lighting.headlights * headlight(depth_m, 0.0) * np.maximum(-normals_ego[:, 0], _LEAST_BEAM)
+    falls = headlight(air.headlights, depth_m, 0.0) * np.maximum(-normals_ego[:, 0], _LEAST_BEAM)
+    beam = headlights_level(air) * falls
     lit: Array = lighting.ambient * sun + beam
     return lit

@@ -11,12 +11,23 @@ from vsensor.profile.messages import compile_profile
 from vsensor.profile.pages import Page
 from vsensor.profile.plan import MessagePlan
 from vsensor.profile.quantisation import quantisation_error_m
-from vsensor.profile.quantities import LINES, QUANTITIES, UNITS, Indicator, LaneChange, Quantity, Wiper
+from vsensor.profile.quantities import (
+    LINES,
+    QUANTITIES,
+    RAIN_OF_WIPER,
+    UNITS,
+    Indicator,
+    LaneChange,
+    Quantity,
+    Wiper,
+    wiper_of,
+)
 
 __all__ = [
     "LINES",
     "NOTHING_OPEN",
     "QUANTITIES",
+    "RAIN_OF_WIPER",
     "SCHEMA",
     "UNITS",
     "Assembly",
@@ -44,4 +55,5 @@ __all__ = [
     "load_worded",
     "quantisation_error_m",
     "shipped_profiles",
+    "wiper_of",
 ]

@@ -34,6 +34,22 @@ class Wiper(IntEnum):
     FAST = 3
 
 
+RAIN_OF_WIPER: Mapping[Wiper, float] = {
+    Wiper.OFF: 0.0,
+    Wiper.INTERVAL: 0.2,
+    Wiper.SLOW: 0.5,
+    Wiper.FAST: 1.0,
+}
+"""Rain, 0 dry to 1 heaviest, that a driver has the wiper at this speed for."""
+
+
+def wiper_of(rain: float) -> Wiper:
+    """Return the speed at which a driver has the wiper in this rain: the nearest, off only when it is dry."""
+    if rain <= 0.0:
+        return Wiper.OFF
+    return min(list(Wiper)[1:], key=lambda wiper: abs(RAIN_OF_WIPER[wiper] - rain))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quantity:
     """One thing the model knows: its SI `unit` ("" for a pure number), `meaning`, sign and codes.
@@ -112,6 +128,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     "ego.yaw_rad": Quantity(unit="rad", meaning="heading in the world, 0 to the east, positive to the left"),
     "ego.wiper": Quantity(unit="", meaning="wiper", codes=Wiper),
     "ego.low_beam": Quantity(unit="", meaning="1 if the low beam is on"),
+    "ego.high_beam": Quantity(unit="", meaning="1 if the high beam is on"),
     "ego.light": Quantity(unit="", meaning="light outside as the vehicle measures it", codes=Light),
     "ego.indicator": Quantity(unit="", meaning="direction indicators", codes=Indicator),
 }

@@ -2,7 +2,7 @@
 
 from vsensor.raycast.boxes import Boxes, boxes_in
 from vsensor.raycast.meshes import mesh_of
-from vsensor.raycast.obstacles import hidden_by_obstacles
+from vsensor.raycast.obstacles import hidden_by_obstacles, hiding_obstacle
 from vsensor.raycast.shadow import FAR_LIMIT
 from vsensor.raycast.solids import Method, hidden
 from vsensor.raycast.surface import hidden_by_surface
@@ -15,5 +15,6 @@ __all__ = [
     "hidden",
     "hidden_by_obstacles",
     "hidden_by_surface",
+    "hiding_obstacle",
     "mesh_of",
 ]

@@ -6,10 +6,10 @@ import numpy as np
 
 from vsensor.raycast.boxes import boxes_in
 from vsensor.raycast.meshes import hidden_by_meshes
-from vsensor.raycast.solids import Method, hidden
+from vsensor.raycast.solids import Method, hidden, hidden_within
 from vsensor.raycast.standing import hidden_by_standing
 from vsensor.transforms import Rigid
-from vsensor.types import Array, BoolArray, Obstacle
+from vsensor.types import Array, BoolArray, IntArray, Obstacle
 
 KEEP_FROM_BOXES = 250
 """Standing boxes in reach from which their kept scene is faster than to take them as moving ones.
@@ -48,6 +48,27 @@ def hidden_by_obstacles(
         everything = tuple(standing) or tuple(one for one in near if not one.is_moving)
         _add(result, points_m, lambda rest: hidden_by_standing(world_from_frame, everything, origin_m, rest))
     return result
+
+
+def hiding_obstacle(
+    world_from_frame: Rigid, origin_m: Array, points_m: Array, obstacles: Sequence[Obstacle]
+) -> IntArray:
+    """Return the place of the nearest obstacle that hides each of `points_m` (N, 3), -1 where none does.
+
+    A box by its shadow, a mesh by rays; in a frame near the camera, as `hidden_by_obstacles`.
+    """
+    found = np.full(len(points_m), -1, dtype=np.int64)
+
+    def judge(place: int, tried: IntArray) -> BoolArray:
+        hides = np.ones(len(tried), dtype=bool)
+        if obstacles[place].mesh is not None:
+            points = points_m.take(tried, axis=0)
+            hides = hidden_by_meshes(world_from_frame, [obstacles[place]], origin_m, points)
+        found[tried[hides]] = place
+        return hides
+
+    hidden_within(origin_m, points_m, boxes_in(world_from_frame, obstacles), judge)
+    return found
 
 
 def _add(result: BoolArray, points_m: Array, test: Callable[[Array], BoolArray]) -> None:

@@ -5,10 +5,19 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from vsensor.profile import QUANTITIES, LaneChange
+from vsensor.profile import QUANTITIES, LaneChange, wiper_of
 from vsensor.signals.lane import put_centre, put_lane
 from vsensor.signals.vehicle import VehicleConfig
-from vsensor.types import SIDE_NAMES, Boundary, EgoState, Environment, LaneEstimate, SensorMode, SignalValues
+from vsensor.types import (
+    SIDE_NAMES,
+    Beam,
+    Boundary,
+    EgoState,
+    Environment,
+    LaneEstimate,
+    SensorMode,
+    SignalValues,
+)
 
 _NAN = math.nan
 _ABSENT: Mapping[str, float] = {
@@ -46,13 +55,17 @@ def values_from(
 
     A line that was not seen has NaN, and 0 for available, measured, quality and kind; so have all lines
     while the mode is neither AVAILABLE nor DEGRADED. Of a polynomial of an order above 3 the cubic that
-    is closest to it over its view range is reported. `ego.light` is that of the environment.
+    is closest to it over its view range is reported. Light, wiper and headlights of
+    `ego` follow from the environment.
     """
     values = dict(_ABSENT)
     values["ego.speed_mps"], values["ego.yaw_rate_radps"] = ego.speed_mps, ego.yaw_rate_radps
     values["ego.acceleration_mps2"] = ego.acceleration_mps2
     values["ego.lateral_acceleration_mps2"] = ego.lateral_acceleration_mps2
     values["ego.light"] = float(environment.light)
+    values["ego.wiper"] = float(wiper_of(environment.rain))
+    values["ego.low_beam"] = float(environment.headlights is not Beam.OFF)
+    values["ego.high_beam"] = float(environment.headlights is Beam.HIGH)
     values["image.index"] = float(estimate.image_index)
     values["image.timestamp_ms"] = float(estimate.exposed_at_ns // 1_000_000)
     values["sensor.state"] = float(mode)

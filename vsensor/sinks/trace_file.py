@@ -1,28 +1,33 @@
-"""Trace files: their columns, units, schema and formats; see `vsensor.sinks.trace` for what a row is.
+"""Trace files: their columns, units and schema, and how they are read; see `vsensor.sinks.trace` for a row.
 
-Formats: .npz (numpy alone reads it), .csv (comment lines begin with `#`), .parquet (needs polars).
-Every file carries its schema, units and what the run says of itself as JSON.
+Written by `vsensor.sinks.rows`. Every file carries its schema, units and what the run says of itself as JSON.
+Schema 1 had the columns up to yaw_rate_radps; of such a file the others are not known.
 """
 
 import json
 import zipfile
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vsensor.errors import ConfigError, MissingExtraError
+from vsensor.errors import ConfigError
 from vsensor.schema import check_schema
+from vsensor.sinks.rows import PARQUET_KEY, import_polars
 from vsensor.types import SIDE_NAMES
 from vsensor.world.truth import RANGES_M
 
-SCHEMA = "vsensor.trace/1"
+SCHEMA = "vsensor.trace/2"
 Trace = dict[str, NDArray[Any]]
 """Column name -> array (rows,)."""
 
+P3_COEFFICIENTS = ("offset_m", "heading_rad", "curvature_per_m", "curvature_rate_per_m2")
+"""y0, eps, C0, C1 of P3's equation (1): y = y0 + tan(eps) x + C0 x^2 / 2 + C1 x^3 / 6."""
+LANE_QUANTITIES = ("lane_width_m", "lateral_speed_mps", "time_to_crossing_s")
+POSE = ("x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad")
 _METRES = [f"{r:g}m" for r in RANGES_M]
 _TYPES: dict[str, Any] = {
     "t_ns": np.int64,
@@ -41,6 +46,22 @@ _TYPES: dict[str, Any] = {
     "speed_mps": np.float64,
     "yaw_rate_radps": np.float64,
 }
+_FIRST = tuple(_TYPES)  # the columns of schema 1
+_TYPES |= {
+    "occluded_by": np.int64,
+    "occluded_share": np.float64,
+    **dict.fromkeys([f"map_{name}" for name in P3_COEFFICIENTS], np.float64),
+    **dict.fromkeys([f"fit_{name}" for name in P3_COEFFICIENTS], np.float64),
+    "fit_std_m": np.float64,
+    **dict.fromkeys([f"{who}{name}" for name in LANE_QUANTITIES for who in ("", "truth_")], np.float64),
+    **dict.fromkeys([f"ego_{name}" for name in POSE], np.float64),
+    "acceleration_mps2": np.float64,
+    "lateral_acceleration_mps2": np.float64,
+    "light": np.uint8,
+    "rain": np.float64,
+    "visibility_m": np.float64,
+}
+_UNKNOWN = {"occluded_by": -1, "light": 255}  # of an older file; NaN of all other columns
 COLUMNS: tuple[str, ...] = tuple(_TYPES)
 """The columns of a trace, in order."""
 
@@ -53,59 +74,17 @@ UNITS: Mapping[str, str] = {
     "c0..c3": "y = c0 + c1 x + c2 x^2 + c3 x^3 in m, left positive",
     "truth_c0..c3": "best cubic through the true line where the fit had points",
     "reason_unseen": "0 seen, else why not: see vsensor.types.Unseen",
+    "occluded_by": "id of the object that hides most of what is hidden of the true line, -1 none",
+    "occluded_share": "part of the true line's paint within the window that something hides",
+    "map_*": "P3's coefficients at the rear axle by the map's own curve: no fit",
+    "fit_*": "P3's coefficients of the best cubic through all true points of the window",
+    "ego_*": "pose of the road-level ego frame in the world",
+    "light": "0 day, 1 dusk, 2 night, 255 not known",
 }
 """What a name's suffix does not say; stands in the file's metadata."""
 
 ROW = np.dtype(list(_TYPES.items()))
 """One row as a numpy record."""
-
-_PARQUET_KEY = "vsensor"
-
-Writer = Callable[[Path, NDArray[Any], Mapping[str, object]], None]
-
-
-def writer_for(path: Path) -> Writer:
-    """Return the writer for the suffix of `path`; raises ConfigError, MissingExtraError."""
-    writers: dict[str, Writer] = {".npz": _write_npz, ".csv": _write_csv, ".parquet": _write_parquet}
-    if path.suffix not in writers:
-        raise ConfigError(f"{path}: a trace ends in {', '.join(writers)}")
-    if path.suffix == ".parquet":
-        _polars()
-    return writers[path.suffix]
-
-
-def _write_npz(path: Path, table: NDArray[Any], metadata: Mapping[str, object]) -> None:
-    columns: dict[str, Any] = {name: np.ascontiguousarray(table[name]) for name in COLUMNS}
-    with path.open("wb") as file:
-        np.savez_compressed(file, metadata=np.array(json.dumps(metadata)), **columns)
-
-
-def _write_csv(path: Path, table: NDArray[Any], metadata: Mapping[str, object]) -> None:
-    with path.open("w", encoding="utf-8", newline="\n") as file:
-        file.write(f"# {json.dumps(metadata)}\n{','.join(COLUMNS)}\n")
-        for row in table:
-            file.write(",".join(map(_cell, row.tolist())) + "\n")
-        file.write(f"# rows {len(table)}\n")
-
-
-def _cell(value: float) -> str:
-    return "" if value != value else repr(value)
-
-
-def _write_parquet(path: Path, table: NDArray[Any], metadata: Mapping[str, object]) -> None:
-    frame = _polars().DataFrame({name: np.ascontiguousarray(table[name]) for name in COLUMNS})
-    try:
-        frame.write_parquet(path, metadata={_PARQUET_KEY: json.dumps(metadata)})
-    except _polars().exceptions.PolarsError as error:  # a full disk among them
-        raise OSError(str(error)) from None
-
-
-def _polars() -> Any:
-    try:
-        import polars
-    except ImportError:
-        raise MissingExtraError("polars", "parquet", "a Parquet trace") from None
-    return polars
 
 
 def read_trace(path: Path) -> Trace:
@@ -124,8 +103,9 @@ def read_trace_and_metadata(path: Path) -> tuple[Trace, dict[str, Any]]:
         raise ConfigError(f"{path}: no such file") from None
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror or error}") from None
-    metadata = check_schema(_metadata(path, text), SCHEMA, str(path))
-    return _checked(path, columns), metadata
+    found = _metadata(path, text)
+    metadata = check_schema(found, SCHEMA, str(path))
+    return _checked(path, columns, is_old=found["schema"] != SCHEMA), metadata
 
 
 def _metadata(path: Path, text: str) -> dict[str, Any]:
@@ -138,10 +118,14 @@ def _metadata(path: Path, text: str) -> dict[str, Any]:
     return metadata
 
 
-def _checked(path: Path, columns: Mapping[str, NDArray[Any]]) -> Trace:
-    missing = [name for name in COLUMNS if name not in columns]
+def _checked(path: Path, columns: Mapping[str, NDArray[Any]], *, is_old: bool) -> Trace:
+    required = _FIRST if is_old else COLUMNS
+    missing = [name for name in required if name not in columns]
     if missing:
         raise ConfigError(f"{path}: column {missing[0]} is missing")
+    rows = len(columns["t_ns"])
+    unknown = {name: np.full(rows, _UNKNOWN.get(name, np.nan)) for name in COLUMNS if name not in columns}
+    columns = {**columns, **unknown}
     lengths = {name: len(columns[name]) for name in COLUMNS}
     for name, length in lengths.items():
         if length != lengths["t_ns"]:
@@ -213,9 +197,9 @@ def _number(cell: str) -> float:
 
 
 def _read_parquet(path: Path) -> tuple[Trace, str]:
-    polars = _polars()
+    polars = import_polars()
     try:
-        text = polars.read_parquet_metadata(path).get(_PARQUET_KEY, "null")
+        text = polars.read_parquet_metadata(path).get(PARQUET_KEY, "null")
         frame = polars.read_parquet(path)
     except (polars.exceptions.PolarsError, ValueError) as error:
         raise ConfigError(f"{path}: not a whole .parquet file: {error}") from None

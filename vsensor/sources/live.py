@@ -13,7 +13,7 @@ from math import cos, isfinite, pi, remainder
 from pathlib import Path
 from typing import Any
 
-from vsensor.profile import Wiper
+from vsensor.profile import RAIN_OF_WIPER, Wiper
 from vsensor.sources import Inputs
 from vsensor.sources.control import Control, Motion, Pose, Tilt
 from vsensor.sources.listening import ListenConfig, Listened, Listener, News
@@ -22,19 +22,12 @@ from vsensor.sources.placing import FARTHEST_M, Foot, Ground
 from vsensor.sources.posing import PoseControl
 from vsensor.sources.reckoning import MotionControl
 from vsensor.sources.steering import SteeringControl, steering_inputs
-from vsensor.types import EgoState, Environment, Frame, Light, Scene, Snapshot, Tick, frozen
+from vsensor.types import Beam, EgoState, Environment, Frame, Light, Scene, Snapshot, Tick, frozen
 from vsensor.world.vehicle import DynamicsConfig, SingleTrack
 
-LIGHT, LOW_BEAM, WIPER, INDICATOR = "ego.light", "ego.low_beam", "ego.wiper", "ego.indicator"
-ENVIRONMENT = (WIPER, LIGHT, LOW_BEAM)
-
-RAIN_OF_WIPER: Mapping[Wiper, float] = {
-    Wiper.OFF: 0.0,
-    Wiper.INTERVAL: 0.2,
-    Wiper.SLOW: 0.5,
-    Wiper.FAST: 1.0,
-}
-"""Rain, 0 dry to 1 heaviest, that a driver has the wiper at this speed for."""
+LIGHT, LOW_BEAM, HIGH_BEAM = "ego.light", "ego.low_beam", "ego.high_beam"
+WIPER, INDICATOR = "ego.wiper", "ego.indicator"
+ENVIRONMENT = (WIPER, LIGHT, LOW_BEAM, HIGH_BEAM)
 
 OFF_ROUTE = "off the route"
 
@@ -185,7 +178,7 @@ class LiveDrive:
         return is_awaited and self.listener.is_missing(listened, name)
 
     def _seen(self, listened: Listened, tick: Tick) -> Environment:
-        """Return light and rain: the bus's where it has told of them, else the scenario's."""
+        """Return light, rain and headlights: the bus's where it has told of them, else the scenario's."""
         known = {name: heard.value for name, heard in listened.quantities.items() if name in ENVIRONMENT}
         told = self.drive.weather.at(tick.t_ns * 1e-9)
         light, rain = told.light, told.rain
@@ -195,7 +188,21 @@ class LiveDrive:
             light = Light.NIGHT if known[LOW_BEAM] >= 0.5 else Light.DAY
         if WIPER in known:
             rain = RAIN_OF_WIPER[Wiper(int(known[WIPER]))]
-        return Environment(light=light, rain=rain)
+        return _lit(replace(told, light=light, rain=rain), known)
+
+
+def _lit(air: Environment, known: Mapping[str, float]) -> Environment:
+    """Return the environment with the headlights that the bus tells of, where they are no matter of course.
+
+    Low beams alone stand for the light outside, see `_seen`.
+    """
+    if known.get(HIGH_BEAM, 0.0) >= 0.5:
+        beam = Beam.HIGH
+    elif LOW_BEAM in known and LIGHT in known:
+        beam = Beam.LOW if known[LOW_BEAM] >= 0.5 else Beam.OFF
+    else:
+        return air
+    return air if air.headlights is beam else replace(air, beam=beam)
 
 
 def _ego(motion: Motion, foot: Foot, t_ns: int) -> EgoState:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from vsensor.types import Array, BoolArray, CodeArray, Marking, MarkingKind, Stripe, frozen
+from vsensor.types import Array, BoolArray, CodeArray, Curve, Marking, MarkingKind, Stripe, frozen
 from vsensor.world.borders import BorderLine
 
 
@@ -43,8 +43,11 @@ class Page:
 
     lines: tuple[LongLine, ...]
 
-    def window(self, first: int, end: int) -> tuple[Marking, ...]:
-        """Return the stations first to end - 1 of each line as views; lines without any are left out."""
+    def window(self, first: int, end: int, curve: Curve | None = None) -> tuple[Marking, ...]:
+        """Return the stations first to end - 1 of each line as views; lines without any are left out.
+
+        `curve` is what the lines lie on.
+        """
         found = []
         for line in self.lines:
             low, high = max(first - line.first, 0), end - line.first
@@ -62,6 +65,8 @@ class Page:
                         contrast=1.0 if line.contrast is None else line.contrast[low:high],
                         wear=0.0 if line.wear is None else line.wear[low:high],
                         valid=True if line.valid is None else line.valid[low:high],
+                        curve=curve,
+                        station=line.first + low,
                     )
                 )
         return tuple(found)

@@ -8,6 +8,7 @@ import numpy as np
 from vsensor.types import Marking, RoadSurface
 from vsensor.world.blocks import Blocks, cached
 from vsensor.world.borders import border_lines, extra_line
+from vsensor.world.course import RouteCurve
 from vsensor.world.page import Page, Strip, join
 from vsensor.world.sections import Sections, sections_of
 
@@ -24,6 +25,7 @@ class Windows:
     def __init__(self, blocks: Blocks, spacing_m: float) -> None:
         self._blocks = blocks
         self._spacing_m = spacing_m
+        self._curve = RouteCurve(blocks, spacing_m)
         self._strips: dict[int, Strip] = {}
         self._pages: OrderedDict[tuple[int, int], Page] = OrderedDict()
         self._sections: OrderedDict[tuple[int, int], Sections | None] = OrderedDict()
@@ -35,7 +37,7 @@ class Windows:
         page = self._page(*key)
         if self._ready_page != key[0] + 1:
             self._prepare(key[0] + 1)
-        return page.window(*self._stations(s_from_m, s_to_m))
+        return page.window(*self._stations(s_from_m, s_to_m), self._curve)
 
     def surface(self, s_from_m: float, s_to_m: float) -> RoadSurface | None:
         """Return the road's cross-sections between two distances, None where it hides nothing of itself."""

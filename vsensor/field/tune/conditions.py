@@ -12,9 +12,12 @@ from typing import Any
 import numpy as np
 
 from vsensor.error_model import Rule
-from vsensor.error_model.rule import COLUMNS
+from vsensor.error_model import rule as rules
 from vsensor.errors import TableError
+from vsensor.field import table
 
+KNOWN = tuple(column for column in rules.COLUMNS if column in table.COLUMNS)
+"""What a rule may ask and a table has."""
 KNOWN_EDGES = {"rain": (0.2,)}
 FLAGS = ("night",)
 
@@ -85,8 +88,8 @@ def conditions(by: str) -> Conditions:
 
 def _column(word: str) -> _Column:
     name, *texts = word.split(":")
-    if name not in COLUMNS:
-        raise TableError(f"--by {word}: one of {', '.join(COLUMNS)} was expected")
+    if name not in KNOWN:
+        raise TableError(f"--by {word}: one of {', '.join(KNOWN)} was expected")
     if name in FLAGS:
         if texts:
             raise TableError(f"--by {word}: {name} is true or false and has no edges")

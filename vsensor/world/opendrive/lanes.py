@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from vsensor.types import Array
+from vsensor.world.opendrive import taylor
 from vsensor.world.opendrive.marks import RoadMark
 from vsensor.world.opendrive.polynomial import Cubics
 
@@ -67,6 +68,15 @@ class Section:
                 inner, inner_slope = _outer(lane, side, s_m, (inner, inner_slope), (offset, slope))
                 t[lane.id], dt[lane.id] = inner, inner_slope
         return t, dt
+
+    def border_series(self, s_m: Array, lane_id: int) -> Array:
+        """Return the Taylor series along s of t of the outer border of a lane (0: the centre lane's own)."""
+        side = 1 if lane_id > 0 else -1
+        centre = inner = taylor.of_cubics(self.lane_offset, s_m)
+        for lane in self._outwards(side, side * lane_id):
+            outer = (centre if lane.is_border else inner) + side * taylor.of_cubics(lane.width, s_m)
+            inner = np.where(side * (outer[0] - inner[0]) < 0.0, inner, outer)  # a width below 0 is 0
+        return inner
 
     def _outwards(self, side: int, outermost: int) -> list[Lane]:
         ids = sorted((i for i in self.lanes if 0 < side * i <= outermost), key=abs)

@@ -13,6 +13,15 @@ from typing import Protocol
 import numpy as np
 
 from vsensor.types import Array
+from vsensor.world.opendrive.taylor import (
+    TERMS,
+    constant,
+    integral,
+    polynomial,
+    power,
+    product,
+    sine_cosine,
+)
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
 NODES, WEIGHTS = (NODES + 1) / 2, WEIGHTS / 2
@@ -23,6 +32,8 @@ LARGEST_TURN_RAD = 1000.0
 """A single record that turns further is a mistake, and its table would not end."""
 
 Local = tuple[Array, Array, Array, Array]
+Series = tuple[Array, Array, Array, Array]
+"""Taylor series of a position and of the unit tangent there, see `taylor`."""
 
 
 class Curve(Protocol):
@@ -31,6 +42,16 @@ class Curve(Protocol):
     def local(self, ds_m: Array) -> Local:
         """Return u, v, heading, curvature (N,) at distances from the record's start."""
         ...
+
+    def series(self, ds_m: Array) -> Series:
+        """Return the series of u, v and of the unit tangent at distances from the record's start."""
+        ...
+
+
+def _from_heading(u: Array, v: Array, heading: Array) -> Series:
+    """Return the series of a line from a point (N,) of it and the series of its heading."""
+    sine, cosine = sine_cosine(heading)
+    return integral(u, cosine), integral(v, sine), cosine, sine
 
 
 @dataclass(frozen=True)
@@ -44,6 +65,12 @@ class Arc:
         half = self.curvature_per_m * ds_m / 2
         chord = ds_m * np.sinc(half / np.pi)
         return chord * np.cos(half), chord * np.sin(half), 2 * half, np.full_like(ds_m, self.curvature_per_m)
+
+    def series(self, ds_m: Array) -> Series:
+        """See Curve."""
+        u, v, heading, curvature = self.local(ds_m)
+        zero = np.zeros_like(ds_m)
+        return _from_heading(u, v, np.array((heading, curvature, zero, zero)))
 
 
 @dataclass(frozen=True)
@@ -83,6 +110,12 @@ class Spiral:
         knot = np.clip(np.searchsorted(s, ds_m, side="right") - 1, 0, len(s) - 2)
         du, dv = self._from(s[knot], ds_m)
         return u[knot] + du, v[knot] + dv, self._heading(ds_m), self.start_per_m + ds_m * self._rate_per_m2
+
+    def series(self, ds_m: Array) -> Series:
+        """See Curve."""
+        u, v, heading, curvature = self.local(ds_m)
+        half_rate = np.full_like(ds_m, self._rate_per_m2 / 2)
+        return _from_heading(u, v, np.array((heading, curvature, half_rate, np.zeros_like(ds_m))))
 
 
 @dataclass(frozen=True)
@@ -155,6 +188,21 @@ class ParamPoly3:
         speed = np.maximum(np.hypot(du, dv), 1e-9)
         return u, v, np.arctan2(dv, du), (du * ddv - dv * ddu) / speed**3
 
+    def series(self, ds_m: Array) -> Series:
+        """See Curve. dp/ds = 1 / speed(p): each turn of the loop makes one more term right."""
+        start = self.parameter(ds_m)
+        if self.starts_at_rest:
+            start = np.maximum(start, 1e-6 * self.p_max)
+        per_s = self.arc_length_m / self.length_m if self.stretch else 1.0
+        p = constant(start)
+        for _ in range(3):
+            du, dv = (polynomial((c[1], 2 * c[2], 3 * c[3]), p) for c in (self.u, self.v))
+            slowness = power(product(du, du) + product(dv, dv), -0.5)
+            p = integral(start, per_s * slowness)
+        du, dv = (polynomial((c[1], 2 * c[2], 3 * c[3]), p) for c in (self.u, self.v))
+        slowness = power(product(du, du) + product(dv, dv), -0.5)
+        return polynomial(self.u, p), polynomial(self.v, p), product(du, slowness), product(dv, slowness)
+
 
 @dataclass(frozen=True)
 class Record:
@@ -182,6 +230,23 @@ class Record:
             curvature,
         )
 
+    def series(self, ds_m: Array) -> Series:
+        """Return the series of x, y and of the unit tangent; beyond the record's end its tangent goes on."""
+        inside = np.minimum(ds_m, self.length_m)
+        u, v, along_u, along_v = self.curve.series(inside)
+        beyond = ds_m - inside
+        if beyond.any():
+            out = beyond > 0.0
+            for position, along in ((u, along_u), (v, along_v)):
+                along[1:, out] = 0.0
+                position[0] += beyond * along[0]
+                position[1, out], position[2:, out] = along[0, out], 0.0
+        cos, sin = np.cos(self.heading_rad), np.sin(self.heading_rad)
+        x, y = u * cos - v * sin, u * sin + v * cos
+        x[0] += self.x_m
+        y[0] += self.y_m
+        return x, y, along_u * cos - along_v * sin, along_u * sin + along_v * cos
+
 
 class PlanView:
     """The records of one road, ordered by s."""
@@ -207,3 +272,13 @@ class PlanView:
             record = self.records[number]
             x[mine], y[mine], heading[mine], curvature[mine] = record.at(s_m[mine] - record.s_m)
         return x, y, heading, curvature
+
+    def series(self, s_m: Array) -> Series:
+        """Return the series of world x, y and of the unit tangent at s (N,)."""
+        place = np.clip(np.searchsorted(self.starts_m, s_m, side="right") - 1, 0, len(self.records) - 1)
+        out = np.empty((4, TERMS, len(s_m)))
+        for number in np.unique(place):
+            mine = place == number
+            record = self.records[number]
+            out[:, :, mine] = record.series(s_m[mine] - record.s_m)
+        return out[0], out[1], out[2], out[3]

@@ -8,11 +8,12 @@ import numpy as np
 
 from vsensor.errors import MapError
 from vsensor.types import Array, Swell
+from vsensor.world.opendrive import taylor
 from vsensor.world.opendrive.extras import PaintedArea, PaintedLine
 from vsensor.world.opendrive.lanes import Section
 from vsensor.world.opendrive.planview import PlanView
 from vsensor.world.opendrive.polynomial import Cubics
-from vsensor.world.opendrive.surface import Cross, Shape, cross
+from vsensor.world.opendrive.surface import Cross, CrossSeries, Shape, cross, cross_series
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +67,11 @@ class Road:
         """Return the road's frame and its derivatives at s (N,)."""
         tilt = None if self.superelevation.is_zero else self.superelevation.at(s_m)
         return cross(self.plan.at(s_m), self.elevation.at(s_m), tilt)
+
+    def series(self, s_m: Array) -> CrossSeries:
+        """Return the road's frame at s (N,) as Taylor series along s."""
+        tilt = None if self.superelevation.is_zero else taylor.of_cubics(self.superelevation, s_m)
+        return cross_series(self.plan.series(s_m), taylor.of_cubics(self.elevation, s_m), tilt)
 
     def point(self, s_m: Array, t_m: Array | float, h_m: Array | float = 0.0) -> Array:
         """Return world points (N, 3) at s, t, h (N,)."""

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsensor.types import Array
+from vsensor.types import Array, IntArray
+from vsensor.world.opendrive import taylor
 from vsensor.world.opendrive.polynomial import Cubics
 
 
@@ -47,6 +48,35 @@ def cross(
 
 
 @dataclass(frozen=True, slots=True)
+class CrossSeries:
+    """The road's frame at N places as Taylor series along s, each (TERMS, 3, N)."""
+
+    line: Array
+    e_t: Array
+    e_h: Array
+
+
+def cross_series(
+    plan: tuple[Array, Array, Array, Array], elevation: Array, tilt: Array | None
+) -> CrossSeries:
+    """Return the frames from the series of plan view (position, tangent), elevation and tilt."""
+    x, y, cy, sy = plan
+    zero, one = np.zeros_like(x), taylor.constant(np.ones_like(x[0]))
+    line = np.stack((x, y, elevation), axis=1)
+    if tilt is None and not elevation[1:].any():
+        return CrossSeries(line, np.stack((-sy, cy, zero), axis=1), np.stack((zero, zero, one), axis=1))
+    product = taylor.product
+    slope = taylor.slope_of(elevation)
+    cp = taylor.power(one + product(slope, slope), -0.5)
+    sp = -product(slope, cp)
+    sr, cr = taylor.sine_cosine(tilt) if tilt is not None else (zero, one)
+    low, high = product(sp, sr), product(sp, cr)
+    e_t = (product(cy, low) - product(sy, cr), product(sy, low) + product(cy, cr), product(cp, sr))
+    e_h = (product(cy, high) + product(sy, sr), product(sy, high) - product(cy, sr), product(cp, cr))
+    return CrossSeries(line, np.stack(e_t, axis=1), np.stack(e_h, axis=1))
+
+
+@dataclass(frozen=True, slots=True)
 class Shape:
     """`lateralProfile/shape`: height over t at some stations, linear in s between them.
 
@@ -56,17 +86,42 @@ class Shape:
     stations_m: Array
     profiles: tuple[Cubics, ...]
 
-    def height(self, s_m: Array, t_m: Array) -> Array:
-        """Return h (N,) at (s, t); before the first and after the last station theirs holds."""
+    def _between(self, s_m: Array) -> tuple[IntArray, IntArray, Array, Array]:
+        """Return the stations before and after s (N,), their distance, and the share of the latter."""
         place = np.clip(np.searchsorted(self.stations_m, s_m, side="right") - 1, 0, len(self.stations_m) - 1)
         after = np.minimum(place + 1, len(self.stations_m) - 1)
         span = np.maximum(self.stations_m[after] - self.stations_m[place], 1e-9)
-        share = np.clip((s_m - self.stations_m[place]) / span, 0.0, 1.0)
+        return place, after, span, np.clip((s_m - self.stations_m[place]) / span, 0.0, 1.0)
+
+    def height(self, s_m: Array, t_m: Array) -> Array:
+        """Return h (N,) at (s, t); before the first and after the last station theirs holds."""
+        place, after, _, share = self._between(s_m)
         heights = np.array([_across(profile, t_m) for profile in self.profiles])
         columns = np.arange(len(s_m))
         return np.asarray((1.0 - share) * heights[place, columns] + share * heights[after, columns])
+
+    def series(self, s_m: Array, t: Array) -> Array:
+        """Return the series of h along a line whose t is a series at s (N,)."""
+        place, after, span, share = self._between(s_m)
+        part = taylor.constant(share)
+        part[1] = np.where((share > 0.0) & (share < 1.0), 1.0 / span, 0.0)
+        heights = np.array([_across_series(profile, t) for profile in self.profiles])
+        columns = np.arange(len(s_m))
+        low, high = (heights[row, :, columns].T for row in (place, after))
+        return np.asarray(low + taylor.product(part, high - low))
 
 
 def _across(profile: Cubics, t_m: Array) -> Array:
     """Return the height over t; outside the profile's first record that record goes on."""
     return profile.at(np.maximum(t_m, profile.starts_m[0]))[0]
+
+
+def _across_series(profile: Cubics, t: Array) -> Array:
+    """Return the series of `_across` along a line whose t is a series."""
+    inside = np.where(
+        t[0] < profile.starts_m[0], taylor.constant(np.full(t.shape[1], profile.starts_m[0])), t
+    )
+    place = np.searchsorted(profile.starts_m, inside[0], side="right") - 1
+    offset = inside.copy()
+    offset[0] -= profile.starts_m[place]
+    return taylor.polynomial(profile.coefficients[place].T, offset)

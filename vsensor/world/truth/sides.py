@@ -1,0 +1,55 @@
+"""Which line truly is on which side.
+
+A line is *true* if some of it is painted within the window that the sensor looks at; a border without
+any paint there is none. Which true line is on which side follows from its true place beside the
+vehicle, whatever was reported.
+"""
+
+import itertools
+
+from vsensor.types import LinePoints, Side, Snapshot
+
+LEFT_SIDES = (Side.LEFT, Side.NEXT_LEFT)
+RIGHT_SIDES = (Side.RIGHT, Side.NEXT_RIGHT)
+
+OWN_LANE_M = 4.5
+"""A line farther to the side does not bound the own lane, not even from its other edge (3.75 m wide)."""
+BESIDE_M = 8.0
+"""A line farther to the side is no next line: own half, one lane, and a vehicle off its middle."""
+
+
+def true_sides(candidates: LinePoints, snapshot: Snapshot) -> dict[Side, int]:
+    """Return the line (place in `candidates`) on each side, by true lateral position beside the vehicle.
+
+    Counted are lines with paint within the window, at their first point with x >= 0. The nearest one
+    within OWN_LANE_M bounds the own lane; where none does, that side has no line, and the nearest one
+    within BESIDE_M is the next lane's.
+    """
+    starts = candidates.starts.tolist()
+    lateral = []
+    for k, (a, b) in enumerate(itertools.pairwise(starts)):
+        if counts(candidates, snapshot, k):
+            abeam = min(a + int(candidates.points_ego_m[a:b, 0].searchsorted(0.0)), b - 1)
+            lateral.append((float(candidates.points_ego_m[abeam, 1]), k))
+    left = sorted((y, k) for y, k in lateral if 0.0 < y <= BESIDE_M)
+    right = sorted((-y, k) for y, k in lateral if -BESIDE_M <= y <= 0.0)
+    sides = {}
+    for lines, names in ((left, LEFT_SIDES), (right, RIGHT_SIDES)):
+        is_bounded = bool(lines) and lines[0][0] <= OWN_LANE_M
+        sides.update({side: k for side, (_, k) in zip(names[not is_bounded :], lines, strict=False)})
+    return sides
+
+
+def counts(candidates: LinePoints, snapshot: Snapshot, k: int) -> bool:
+    """Return whether some paint of a line within the window bounds a lane: no ghost, nothing overridden."""
+    index = candidates.index[candidates.starts[k] : candidates.starts[k + 1]]
+    marking = snapshot.scene.markings[int(candidates.marking[k])]
+    painted = marking.painted if marking.valid is True else marking.painted & marking.valid
+    return bool(painted[index].any())
+
+
+def is_void(candidates: LinePoints, snapshot: Snapshot, k: int) -> bool:
+    """Return whether a line has paint within the window, but none that counts."""
+    index = candidates.index[candidates.starts[k] : candidates.starts[k + 1]]
+    marking = snapshot.scene.markings[int(candidates.marking[k])]
+    return not counts(candidates, snapshot, k) and bool(marking.painted[index].any())
