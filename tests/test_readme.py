@@ -317,9 +317,10 @@ def test_the_schemas_are_those_of_the_program():
     from vsensor.field.table import SCHEMA as TABLE
     from vsensor.field.validate.judge import SCHEMA as VALIDATE
     from vsensor.profile import SCHEMA as PROFILE
+    from vsensor.sinks.truth_points import SCHEMA as POINTS
 
     said = {codes(row[1])[0] for row in table("| file | schema | what |")}
-    assert said == {SCENARIO, PROFILE, ERROR_MODEL, LIMITS, SCAN, VALIDATE, TABLE, SCHEMA}
+    assert said == {SCENARIO, PROFILE, ERROR_MODEL, LIMITS, SCAN, VALIDATE, TABLE, SCHEMA, POINTS}
 
 
 def test_the_frame_table_has_the_messages_of_the_native_dbc_with_their_ids():

@@ -10,7 +10,7 @@ from vsensor.profile_new.words import has, words_of
 
 Table = dict[str, int | str]
 
-YES_NO = ("available", "measured", "ego.low_beam")
+YES_NO = ("available", "measured", "ego.low_beam", "ego.high_beam")
 
 _NOT_AVAILABLE = ("sna", "na", "unavailable", "invalid", "nodata", "notavailable", "notvalid")
 _FAULT = ("error", "err", "fault", "failure", "malfunction")

@@ -85,6 +85,7 @@ EGO = _table(
     ego.steering_wheel_rad         | steering steer | angle ang
     ego.wiper                      | wiper |
     ego.low_beam                   | beam | low
+    ego.high_beam                  | beam | high
     ego.indicator                  | indicator blinker turnsignal |
     ego.yaw_rad                    | yaw | vehicle veh position
     ego.speed_mps                  | speed velocity vspeed spd |
