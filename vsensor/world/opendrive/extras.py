@@ -1,7 +1,8 @@
 """What is painted on or wrong with a road beside its lanes: extra lines, crosswalks, bumps, roughness.
 
-Crosswalks and stop lines are objects of the standard, with outlines that are filled with paint. The rest is
-userData of ours ("vsensor.line", "vsensor.uneven"), for which the standard has no element.
+Crosswalks and stop lines are objects of the standard, whose outlines are filled with paint: as their fillType
+says (1.8), or userData of ours ("vsensor.paint"). The rest is userData, too ("vsensor.line",
+"vsensor.uneven"), as the standard has no element for it.
 """
 
 from collections.abc import Iterator
@@ -76,7 +77,7 @@ def _areas(reader: MapReader, thing: Element) -> Iterator[PaintedArea]:
         colour = COLOURS[reader.choice(paint, "color", tuple(COLOURS))]
         contrast, wear = reader.number(paint, "contrast", 1.0), reader.number(paint, "wear", 0.0)
     for outline in children(thing.find("outlines"), "outline"):
-        if outline.get("fillType") != "paint":
+        if paint is None and outline.get("fillType") != "paint":
             continue
         corners = [(reader.number(c, "s"), reader.number(c, "t")) for c in children(outline, "cornerRoad")]
         if 3 <= len(corners) <= MOST_CORNERS:

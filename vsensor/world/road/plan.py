@@ -2,14 +2,15 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import pi
+from math import hypot, pi
 
+from vsensor.errors import ConfigError
 from vsensor.world.opendrive.polynomial import CubicRecord
 from vsensor.world.road.check import check_shape
 from vsensor.world.road.config import RoadConfig, RoadFile
 from vsensor.world.road.ground import Polygons, ground_paint
 from vsensor.world.road.heights import elevation_rows, superelevation_rows
-from vsensor.world.road.joints import Joint, check_joint, joints_of, lanes_joined
+from vsensor.world.road.joints import MEETS_M, Joint, check_joint, joints_of, lanes_joined
 from vsensor.world.road.layout import Layout, layout_of
 from vsensor.world.road.line import Element, Line, Pose, elements_of, placed
 from vsensor.world.road.paint import ExtraLine, Mark, check_all, extra_lines, marks_of
@@ -102,20 +103,36 @@ def _junction(number: int, group: Sequence[Joint], bodies: Sequence[Body]) -> Ju
 
 
 def _placed(file: RoadFile, joints: Sequence[Joint], names: Sequence[str]) -> list[Line]:
-    """Return every road's line where its own pose, or a road that it is joined to, puts it."""
+    """Return every road's line: the first of those that are joined lies where it says, the others by it.
+
+    First comes who names no road before or after it.
+    """
     elements = [elements_of(*one) for one in zip(file.road, names, strict=True)]
     lines: dict[int, Line] = {}
+    free = sorted(
+        range(len(elements)), key=lambda k: file.road[k].after is not None or file.road[k].before is not None
+    )
+    for number in free:
+        if number not in lines:
+            lines[number] = placed(elements[number], _own_pose(file.road[number]))
+        count = 0
+        while count != len(lines):
+            count = len(lines)
+            for joint in joints:
+                _place_by(joint, elements, lines)
     for number, config in enumerate(file.road):
-        if config.after is None and config.before is None:
-            lines[number] = placed(elements[number], _own_pose(config))
-    while len(lines) < len(elements):
-        before = len(lines)
-        for joint in joints:
-            _place_by(joint, elements, lines)
-        if len(lines) == before:  # a ring of roads: the first of them lies where it says itself
-            free = next(number for number in range(len(elements)) if number not in lines)
-            lines[free] = placed(elements[free], _own_pose(file.road[free]))
+        _check_own_pose(config, lines[number], names[number])
     return [lines[number] for number in range(len(elements))]
+
+
+def _check_own_pose(config: RoadConfig, line: Line, where: str) -> None:
+    """Raise ConfigError for a road that says where it starts and is joined to be elsewhere."""
+    own, start = _own_pose(config), line.start
+    gap = hypot(own.x_m - start.x_m, own.y_m - start.y_m)
+    if (config.x_m or config.y_m or config.heading_deg) and gap > MEETS_M:
+        raise ConfigError(
+            f"{where}: x_m, y_m: it starts {gap:.6g} m from there, by the roads that it is joined to"
+        )
 
 
 def _own_pose(config: RoadConfig) -> Pose:
@@ -136,6 +153,10 @@ def _body(config: RoadConfig, line: Line, where: str) -> Body:
     layout = layout_of(config, line.length_m, where)
     check_shape(config, line, layout, where)
     check_all(config, layout, where)
+    for number, bump in enumerate(config.bump):
+        layout.check_stretch(bump.at_m, bump.at_m + bump.length_m, f"{where}.bump[{number}]")
+    for number, rough in enumerate(config.rough):
+        layout.check_stretch(rough.from_m, rough.to_m, f"{where}.rough[{number}]")
     elevation = elevation_rows(config, line.length_m, where)
     return Body(
         config=config,

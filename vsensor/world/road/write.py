@@ -263,7 +263,7 @@ def _add_object(objects: Element, number: str, polygons: Polygons) -> None:
     )
     outlines = add(element, "outlines")
     for place, corners in enumerate(polygons.corners):
-        outline = add(outlines, "outline", id=place, fillType="paint", outer=True, closed=True)
+        outline = add(outlines, "outline", id=place, outer=True, closed=True)
         for corner, (s, t) in enumerate(corners):
             add(outline, "cornerRoad", id=corner, s=s, t=t, dz=0.0, height=0.0)
     _add_ground_paint(element, config)
