@@ -3,6 +3,7 @@
 import gzip
 import itertools
 
+import can
 import numpy as np
 import pytest
 
@@ -44,6 +45,22 @@ def log(request, tmp_path):
     if packed:
         (tmp_path / "a.log.gz").write_bytes(gzip.compress(path.read_bytes()))
         path = tmp_path / "a.log.gz"
+    return path
+
+
+@pytest.fixture(params=[".log", ".blf", ".mf4", "can.blf"])
+def plain(request, tmp_path):
+    """6000 classic frames: several containers; those of python-can's BLF cut frames in two."""
+    path = tmp_path / f"plain.{request.param[-3:]}"
+    if request.param == "can.blf":
+        with can.BLFWriter(path) as writer:
+            writer.max_container_size = 50_000
+            for k in range(6000):
+                writer(can.Message(arbitration_id=k % 0x700, data=[k & 255], timestamp=1.7e9 + k / 1000))
+        return path
+    with open_log_writer(path) as writer:
+        for k in range(6000):
+            writer.write(Frame(due_ns=T0 + k * STEP_NS, arbitration_id=k % 0x700, data=bytes([k & 255])))
     return path
 
 
@@ -152,3 +169,37 @@ def test_the_first_run_of_a_long_log_is_there_before_the_rest_is_read(tmp_path):
     notes = Notes()
     list(itertools.islice(iter_chunks(path, chunk=100, notes=notes), 3))
     assert notes.garbage_lines == 0
+
+
+def test_reading_goes_on_from_any_place_at_which_it_stood(plain):
+    notes, done, places = Notes(), 0, []
+    for run in iter_chunks(plain, chunk=450, notes=notes):
+        done += len(run.t_ns)
+        if notes.place is not None and done < 6000:
+            places.append((done, notes.place))
+    assert len(places) >= 5
+    whole = read_log(plain).columns
+    for done, place in places:
+        assert_same(joined(list(iter_chunks(plain, chunk=700, place=place))), whole.taken(slice(done, None)))
+
+
+def test_a_log_that_is_packed_or_has_several_tables_tells_no_place(log):
+    notes = Notes()
+    places = [notes.place for _ in iter_chunks(log, chunk=100, notes=notes)]
+    is_plain = log.suffixes in ([".log"], [".blf"])
+    assert any(place is not None for place in places) == is_plain
+
+
+def test_line_numbers_go_on_from_a_place(tmp_path):
+    path = tmp_path / "a.log"
+    path.write_text("(1.000000) can0 123#11\n" * 500 + "oops\n")
+    notes = Notes()
+    next(iter_chunks(path, chunk=100, notes=notes))
+    behind = Notes()
+    list(iter_chunks(path, place=notes.place, notes=behind))
+    assert behind.first_garbage == [(501, "oops")]
+
+
+def test_how_much_is_read_at_a_time_may_change_with_every_run(log):
+    sizes = itertools.cycle([1, 40, 7])
+    assert_same(joined(list(iter_chunks(log, chunk=lambda: next(sizes)))), read_log(log).columns)

@@ -35,6 +35,10 @@ class Told:
     def answer(self):
         return self._made.pop(0)
 
+    @property
+    def is_ready(self):
+        return bool(self._made)
+
     def rewind(self, number):
         self.wishes = {k: wish for k, wish in self.wishes.items() if k < number}
         self._made = [made for made in self._made if made.number < number]
@@ -48,9 +52,9 @@ def lay(speed=1, **more):
     return Lay(PERIOD_NS, Fraction(speed), 0, keys, **more)
 
 
-def laid_player(path, *, speed=1, desk=None, heard=frozenset(), real_time=True, **wishes):
+def laid_player(path, *, speed=1, desk=None, heard=frozenset(), real_time=True, clock=None, **wishes):
     """A player of a log with a told sensor over it; returns it, its bus and its desk."""
-    clock, desk = SimulatedClock(), desk or Told()
+    clock, desk = clock or SimulatedClock(), desk or Told()
     bus = Bus(clock)
     reel = Overlaid(reel_of(path, **wishes), desk, lay(speed, heard=heard))
     return Player(reel, bus, clock, real_time=real_time), bus, desk

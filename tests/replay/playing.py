@@ -3,7 +3,8 @@
 from vsensor.clock import SimulatedClock
 from vsensor.replay.choice import choice
 from vsensor.replay.player import Player, played
-from vsensor.replay.reel import Reel, survey
+from vsensor.replay.reading import survey
+from vsensor.replay.reel import Reel
 
 MS = 1_000_000
 EVERYTHING = choice((), (), (), None)

@@ -14,7 +14,7 @@ from tests.replay.playing import play, player_of
 from tests.replay.repairing import NATIVE, later, repair_of
 from vsensor.replay.beat import beat_of
 from vsensor.replay.choice import choice, keys_of
-from vsensor.replay.reel import Cut, survey
+from vsensor.replay.reading import Cut, survey
 from vsensor.replay.timeline import Pace
 
 MS = 1_000_000

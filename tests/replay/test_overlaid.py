@@ -6,7 +6,8 @@ import pytest
 
 from tests.replay.laying import CAMERA, Told, laid_player
 from tests.replay.playing import MS, play, write_log
-from vsensor.replay.reel import Cut
+from vsensor.replay.overlaid import SEEK_LEAD_NS
+from vsensor.replay.reading import Cut
 from vsensor.replay.timeline import Pace
 
 
@@ -91,7 +92,7 @@ def test_after_a_seek_the_sensor_goes_on_and_the_scene_is_there(log):
     assert of_camera(bus) == whole_images(len(images(bus)))
     cut = next(wish for wish in desk.wishes.values() if wish.is_cut)
     assert not cut.is_start
-    assert (cut.number, log_ms(cut)) == (6, pytest.approx(700 + 240 - 210, abs=10))
+    assert (cut.number, log_ms(cut)) == (8, pytest.approx(700 + 320 - (210 + SEEK_LEAD_NS / MS), abs=10))
     later = desk.wishes[cut.number + 1]
     assert log_ms(later) - log_ms(cut) == 40.0
 

@@ -7,7 +7,8 @@ from msgspec.structs import replace
 
 from tests.replay.playing import MS, play, player_of, write_log
 from vsensor.replay.player import BREATH_NS, BREATHLESS, REST_NS
-from vsensor.replay.reel import AHEAD, Cut
+from vsensor.replay.reading import Cut
+from vsensor.replay.reel import AHEAD
 from vsensor.replay.stages import Stage
 from vsensor.types import Frame
 
@@ -189,7 +190,7 @@ def test_reading_ahead_has_an_end(tmp_path):
     path = write_log(tmp_path / "a.log", range(0, 200_000, 10), ids=[1] * 20_000)
     player, _ = player_of(path)
     play(player, until_ms=1000)
-    assert AHEAD <= player._ahead < AHEAD + 200
+    assert AHEAD <= player._supply.ahead.count < AHEAD + 200
 
 
 def test_a_log_without_any_pause_is_listened_in_all_the_same(tmp_path):

@@ -7,7 +7,7 @@ from tests.replay.playing import MS, reel_of, write_log
 from vsensor.errors import LogError
 from vsensor.logs import open_log_writer
 from vsensor.replay.choice import choice
-from vsensor.replay.reel import Cut
+from vsensor.replay.reading import Cut
 from vsensor.types import Frame
 
 

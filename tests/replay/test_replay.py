@@ -160,7 +160,7 @@ def test_can_fd_frames_on_a_classic_bus_are_left_out_when_that_is_wanted(tmp_pat
 
 @pytest.mark.usefixtures("classic")
 def test_can_fd_frames_that_come_late_in_a_log_are_left_out_and_counted(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("vsensor.replay.reel.SURVEY", 4)
+    monkeypatch.setattr("vsensor.replay.reading.SURVEY", 4)
     assert replay(mixed(tmp_path / "fd.log", fd_from=4), "--bus", "socketcan:can0") == 0
     assert "left out: 3 CAN FD frames" in capsys.readouterr().out
 

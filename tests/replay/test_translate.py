@@ -16,7 +16,7 @@ from vsensor.logs import frames_of, read_log
 from vsensor.profile import load_profile, quantisation_error_m
 from vsensor.replay.beat import beat_of
 from vsensor.replay.choice import keys_of
-from vsensor.replay.reel import Cut, survey
+from vsensor.replay.reading import Cut, survey
 from vsensor.replay.translate import Translate
 from vsensor.signals import from_bus, values_from
 from vsensor.types import SIDE_NAMES, Frame, SensorMode, Side

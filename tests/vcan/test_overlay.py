@@ -1,6 +1,6 @@
 """A drive that never had a lane camera, on a real vcan: the ECU in C steers by it as if there had been one.
 
-A machine without time for a quarter of a second is no error of the frames: a timeout is then right.
+A machine that stands still is no error of the frames: a timeout is then right. A process apart watches.
 """
 
 import time
@@ -10,6 +10,7 @@ import pytest
 
 from tests.ecu.building import found
 from tests.shared import SHARED_DATA, needs_shared
+from tests.vcan.stalls import watched
 from tests.vcan.test_ecu import ecu, ended
 from vsensor.logs import read_log
 from vsensor.profile import load_profile
@@ -28,6 +29,8 @@ dbc = "{DBC}"
 SAID = {"sensor_not_ready", "left_not_available", "right_not_available"}
 """At its start, and where the scene is another one; no errors of frames."""
 PRESSED_S = (0.5, 1.2)
+STOOD_STILL_NS = 80_000_000
+"""The ECU waits 140 ms for a message that comes every 40 ms."""
 
 
 def keys():
@@ -60,7 +63,7 @@ def test_an_ecu_accepts_a_drive_that_had_no_camera_over_a_seam_and_seeks(tmp_pat
         loops=2,
     )
     said = []
-    with ecu() as process:
+    with ecu() as process, watched() as stalls:
         report = replay_log(options, said.append, keys=keys())
         judged = ended(process)
     assert sum(text.startswith("playing at") for text in said) == len(PRESSED_S), said
@@ -68,9 +71,15 @@ def test_an_ecu_accepts_a_drive_that_had_no_camera_over_a_seam_and_seeks(tmp_pat
     assert judged["frames"] > 13 * 30
     assert judged["frames_of_others"] > 1000
     assert judged["images_steered_by"] >= judged["frames"] // 13 - 8
-    stood_still = report.timing.lateness.max_ns > 80_000_000
-    errors = {name: count for name, count in found(judged).items() if name not in SAID}
-    assert not errors or (stood_still and set(errors) == {"timeout"}), judged["log"]
+    assert report.seeks == len(PRESSED_S)
+    assert report.silence_ns < 60_000_000 + stalls[0]
+    assert no_errors(judged, stalls), judged["log"]
+
+
+def no_errors(judged, stalls):
+    """Whether the ECU found nothing wrong with the frames, or nothing but that they did not come."""
+    errors = {name for name in found(judged) if name not in SAID}
+    return not errors or (stalls[0] > STOOD_STILL_NS and errors == {"timeout"})
 
 
 @pytest.fixture(scope="module")
@@ -87,10 +96,10 @@ def taken_over(tmp_path_factory):
         stop="16",
         log=folder / "out.blf",
     )
-    with ecu() as process:
-        report = replay_log(options, lambda text: None)
+    with ecu() as process, watched() as stalls:
+        replay_log(options, lambda text: None)
         judged = ended(process)
-    return read_log(folder / "out.blf"), judged, report
+    return read_log(folder / "out.blf"), judged, stalls
 
 
 def decoded(profile, table, quantity):
@@ -102,16 +111,14 @@ def decoded(profile, table, quantity):
 
 @needs_shared
 def test_the_ecu_that_takes_over_keeps_the_vehicle_in_its_lane_and_finds_no_fault(taken_over):
-    table, judged, report = taken_over
+    table, judged, stalls = taken_over
     left_s, left = decoded(load_profile("native"), table, "left.lane_offset_m")
     _, right = decoded(load_profile("native"), table, "right.lane_offset_m")
     seen = left_s > 0.5
     assert np.isfinite(left[seen]).all()
     assert np.abs(left[seen]).min() > 0.925  # half the vehicle's width
     assert np.abs(right[seen]).min() > 0.925
-    stood_still = report.timing.lateness.max_ns > 80_000_000
-    errors = {name: count for name, count in found(judged).items() if name not in SAID}
-    assert not errors or (stood_still and set(errors) == {"timeout"}), judged["log"]
+    assert no_errors(judged, stalls), judged["log"]
     assert judged["requests"] > 200
 
 

@@ -39,15 +39,6 @@ class Bus(Protocol):
         ...
 
 
-class WaitingDesk(Desk, Protocol):
-    """A desk that can be asked whether there is an answer."""
-
-    @property
-    def is_ready(self) -> bool:
-        """Whether `answer` would not wait."""
-        ...
-
-
 @dataclass(slots=True)
 class Ways:
     """What a gateway did; `latency`: receive time (the kernel's, if it tells) to after the send call."""
@@ -92,7 +83,7 @@ class Gateway:
         self,
         near: Bus,
         far: Bus,
-        desk: WaitingDesk,
+        desk: Desk,
         sensor: Sensor,
         clock: Clock,
         wait: Callable[[int], tuple[bool, bool]],

@@ -24,8 +24,10 @@ from vsensor.logs.table import (
     MAX_EXTENDED_ID,
     Columns,
     Flag,
+    Grain,
     Record,
     columns_from,
+    frames_at_a_time,
     joined,
     possible,
 )
@@ -46,22 +48,33 @@ class _Broken(Exception):
     """The file cannot be read on; the text says why."""
 
 
-def read_blf(stream: BinaryIO, notes: Notes, chunk: int = CHUNK) -> Iterator[Columns]:
+def read_blf(
+    stream: BinaryIO, notes: Notes, chunk: Grain = CHUNK, place: tuple[int, ...] | None = None
+) -> Iterator[Columns]:
     """Yield the frames of a BLF log container by container, at most `chunk` at a time.
 
-    A fault ends it and is kept in `notes`.
+    From the beginning, or from a `place` of the notes on: object, where it stands in the file, bytes of its
+    content that are done with. A fault ends it and is kept in `notes`.
     """
+    can_go_on = stream.seekable()
     try:
         start_ns = _start_ns(stream)
+        first, begin, done = place or (0, stream.tell() if can_go_on else 0, 0)
+        if place is not None:
+            stream.seek(begin)
         rest = b""
-        for content in _contents(stream):
+        for number, at, content in _contents(stream, first, begin):
+            before = len(rest)  # of an object that began in the container before
             rest = rest + content if rest else content
-            used = -1
+            position, used = done, -1
             while used:
-                columns, used = _frames(rest, start_ns, notes, chunk)
-                rest = rest[used:]
+                columns, used = _frames(rest[position:], start_ns, notes, frames_at_a_time(chunk))
+                position += used
+                is_here = can_go_on and position >= before
+                notes.place = (number, at, position - before) if is_here else None
                 if len(columns.t_ns):
                     yield columns
+            rest, done = rest[position:], 0
     except _Broken as error:
         notes.fault = str(error)
     else:
@@ -85,9 +98,11 @@ def _start_ns(stream: BinaryIO) -> int:
     return int(start.timestamp()) * 10**9 + int(millisecond) * 10**6
 
 
-def _contents(stream: BinaryIO) -> Iterator[bytes]:
-    """Yield the unpacked contents of the containers, and objects that stand outside of any."""
-    place = 0
+def _contents(stream: BinaryIO, place: int, at: int) -> Iterator[tuple[int, int, bytes]]:
+    """Yield the unpacked contents of the containers, and objects that stand outside of any.
+
+    With the number of the object and where it begins; `place` and `at` are those of the first one.
+    """
     while head := stream.read(_BASE.size):
         if len(head) < _BASE.size:
             raise _Broken("the file ends inside an object header")
@@ -97,10 +112,10 @@ def _contents(stream: BinaryIO) -> Iterator[bytes]:
         body = stream.read(size - _BASE.size)
         stream.read(size % 4)
         cut = len(body) < size - _BASE.size
-        yield _unpacked(body, place) if kind == _CONTAINER else head + body
+        yield place, at, _unpacked(body, place) if kind == _CONTAINER else head + body
         if cut:
             raise _Broken(f"the file is cut off in object {place}")
-        place += 1
+        place, at = place + 1, at + size + size % 4
 
 
 def _unpacked(body: bytes, place: int) -> bytes:

@@ -25,6 +25,8 @@ from vsensor.logs.table import (
     MAX_STANDARD_ID,
     Columns,
     Flag,
+    Grain,
+    frames_at_a_time,
 )
 from vsensor.types import IntArray
 
@@ -42,24 +44,34 @@ _LINE = re.compile(
 _Row = tuple[bytes, bytes, bytes, bytes, bytes, bytes, bytes]
 
 
-def read_candump(stream: BinaryIO, notes: Notes, chunk: int = CHUNK) -> Iterator[Columns]:
-    """Yield the frames of a candump log, some `chunk` at a time; garbage lines are counted in `notes`."""
-    lines_before = 0
-    for block in _blocks(stream, chunk * LINE_BYTES):
+def read_candump(
+    stream: BinaryIO, notes: Notes, chunk: Grain = CHUNK, place: tuple[int, ...] | None = None
+) -> Iterator[Columns]:
+    """Yield the frames of a candump log, some `chunk` at a time; garbage lines are counted in `notes`.
+
+    From the beginning, or from a `place` of the notes on.
+    """
+    at, lines_before = place or (0, 0)
+    if place is not None:
+        stream.seek(at)
+    can_go_on = stream.seekable()
+    for block in _blocks(stream, chunk):
         rows: list[_Row] = _LINE.findall(block)
         lines = block.count(b"\n") + (not block.endswith(b"\n"))
         good = [row for row in rows if _is_valid(row[3], row[4], row[5])]
         if len(good) != lines:
             _note_garbage(block, lines_before, notes)
         lines_before += lines
+        at += len(block)
+        notes.place = (at, lines_before) if can_go_on else None
         if good:
             yield _columns(good, notes)
 
 
-def _blocks(stream: BinaryIO, size: int) -> Iterator[bytes]:
+def _blocks(stream: BinaryIO, chunk: Grain) -> Iterator[bytes]:
     """Yield blocks that end at the end of a line."""
     rest = b""
-    while block := stream.read(size):
+    while block := stream.read(frames_at_a_time(chunk) * LINE_BYTES):
         cut = block.rfind(b"\n") + 1
         if cut:
             yield rest + block[:cut]

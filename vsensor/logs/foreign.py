@@ -24,8 +24,10 @@ from vsensor.logs.table import (
     MAX_STANDARD_ID,
     Columns,
     Flag,
+    Grain,
     Record,
     columns_from,
+    frames_at_a_time,
 )
 
 logging.getLogger("can.io").addHandler(logging.NullHandler())  # its warnings are counted here instead
@@ -119,7 +121,7 @@ def _epoch_ns(line: str, otherwise: int) -> int:
     return int(start.timestamp()) * 10**9 + int((found[6] or "0").ljust(9, "0"))
 
 
-def read_asc(stream: TextIO, notes: Notes, chunk: int = BATCH) -> Iterator[Columns]:
+def read_asc(stream: TextIO, notes: Notes, chunk: Grain = BATCH) -> Iterator[Columns]:
     """Yield the frames of a Vector ASC log; times are absolute where the header has a date, as UTC."""
     lines = _AscLines(stream, ("internal events logged\n",))
     reader = can.ASCReader(lines, relative_timestamp=True)  # type: ignore[arg-type]
@@ -160,7 +162,7 @@ class _TrcLines(_Lines):
         return line
 
 
-def read_trc(stream: TextIO, notes: Notes, chunk: int = BATCH) -> Iterator[Columns]:
+def read_trc(stream: TextIO, notes: Notes, chunk: Grain = BATCH) -> Iterator[Columns]:
     """Yield the frames of a PEAK TRC log, versions 1.0 to 2.1; version 1.0 has times from its start."""
     lines = _TrcLines(stream, ())
     reader = can.TRCReader(lines)  # type: ignore[arg-type]
@@ -183,7 +185,7 @@ def _trc_line(text: str) -> str:
     return "event" if _TRC_EVENTS.intersection(text.split()[:5]) else "garbage"
 
 
-def read_csv(stream: TextIO, notes: Notes, chunk: int = BATCH) -> Iterator[Columns]:
+def read_csv(stream: TextIO, notes: Notes, chunk: Grain = BATCH) -> Iterator[Columns]:
     """Yield the frames of a CSV log as python-can writes it; it has neither channel nor FD."""
     lines = _Lines(stream, ("header\n",))
     reader = can.CSVReader(lines)  # type: ignore[arg-type]
@@ -272,11 +274,11 @@ def _note_lines(skipped: list[tuple[int, str]], kind_of_line: Callable[[str], st
             notes.other_lines += 1
 
 
-def _columns(records: Iterator[Record], chunk: int) -> Iterator[Columns]:
+def _columns(records: Iterator[Record], chunk: Grain) -> Iterator[Columns]:
     batch: list[Record] = []
     for record in records:
         batch.append(record)
-        if len(batch) >= chunk:
+        if len(batch) >= frames_at_a_time(chunk):
             yield columns_from(batch)
             batch = []
     if batch:

@@ -21,9 +21,19 @@ from numpy.typing import NDArray
 from vsensor.logs.mf4_blocks import Block, Blocks, BrokenError, Data
 from vsensor.logs.mf4_unsorted import Whole, split_records
 from vsensor.logs.report import Notes
-from vsensor.logs.table import CLASSIC_BYTES, FD_BYTES, Columns, Flag, joined, possible
+from vsensor.logs.table import (
+    CLASSIC_BYTES,
+    FD_BYTES,
+    Columns,
+    Flag,
+    Grain,
+    frames_at_a_time,
+    joined,
+    possible,
+)
 
 CHUNK = 1 << 16
+LEAST = 512  # records taken apart at a time: fewer take as long
 GROUPS = {"CAN_DataFrame": 0, "CAN_RemoteFrame": int(Flag.REMOTE), "CAN_ErrorFrame": int(Flag.ERROR)}
 """Name of a channel group -> flags of all its frames."""
 BITS = {"EDL": Flag.FD, "BRS": Flag.BITRATE_SWITCH, "ESI": Flag.ERROR_STATE, "Dir": Flag.TRANSMITTED}
@@ -63,8 +73,14 @@ class Table:
     faults: list[str] = field(default_factory=list[str])
 
 
-def read_mf4(stream: BinaryIO, notes: Notes) -> Iterator[Columns]:
-    """Yield all CAN frames of the file in order of time, in runs; a fault is kept in `notes`."""
+def read_mf4(
+    stream: BinaryIO, notes: Notes, chunk: Grain = CHUNK, place: tuple[int, ...] | None = None
+) -> Iterator[Columns]:
+    """Yield all CAN frames of the file in order of time, in runs of about `chunk`.
+
+    From the beginning, or from a `place` of the notes on: a record of the only group. A fault is kept in
+    `notes`.
+    """
     try:
         blocks = Blocks(stream)
         start_ns, tables = _tables(blocks, notes)
@@ -73,7 +89,12 @@ def read_mf4(stream: BinaryIO, notes: Notes) -> Iterator[Columns]:
         return
     if not tables and notes.fault is None:
         notes.fault = "the file holds no CAN bus logging"
-    yield from _merged([_chunks(table, start_ns, notes) for table in tables])
+    first = place[0] if place and len(tables) == 1 else 0
+    runs = [_chunks(table, start_ns, notes, chunk, first) for table in tables]
+    for columns in _merged(runs):
+        if len(tables) > 1:
+            notes.place = None  # of some groups more is read than is given
+        yield columns
     for table in tables:
         parts = (table.records, table.variable)
         damaged = [data.fault for data in parts if data is not None and data.fault is not None]
@@ -204,10 +225,10 @@ def _scale(blocks: Blocks, place: int) -> tuple[float, float]:
     return offset, factor
 
 
-def _chunks(table: Table, start_ns: int, notes: Notes) -> Iterator[Columns]:
-    """Yield the frames of one group in file order."""
-    for first in range(0, table.count, CHUNK):
-        wanted = min(CHUNK, table.count - first)
+def _chunks(table: Table, start_ns: int, notes: Notes, chunk: Grain, first: int) -> Iterator[Columns]:
+    """Yield the frames of one group in file order, from record number `first` on."""
+    while first < table.count:
+        wanted = min(max(LEAST, frames_at_a_time(chunk)), table.count - first)
         raw = table.records.read(first * table.size, wanted * table.size)
         there = len(raw) // table.size
         if there:
@@ -217,11 +238,13 @@ def _chunks(table: Table, start_ns: int, notes: Notes) -> Iterator[Columns]:
             except BrokenError as error:
                 table.faults.append(str(error))
                 return
+            notes.place = (first + there,)
             if len(columns.t_ns):
                 yield columns
         if there < wanted:
             table.faults.append(f"{first + there} of {table.count} records of {table.prefix} are there")
             return
+        first += wanted
 
 
 def _columns(table: Table, rows: NDArray[np.uint8], start_ns: int, notes: Notes) -> Columns:

@@ -11,21 +11,21 @@ from vsensor.logs.candump import read_candump
 from vsensor.logs.foreign import read_asc, read_csv, read_trc
 from vsensor.logs.mf4 import read_mf4
 from vsensor.logs.report import Notes
-from vsensor.logs.table import Columns, LogTable, frames_of, joined, table_from
+from vsensor.logs.table import Columns, Grain, LogTable, frames_of, joined, table_from
 from vsensor.logs.unpack import GzipStream
 from vsensor.types import Frame
 
 Reader = Callable[..., Iterator[Columns]]
-"""Of an open file, notes and (all but MF4) about how many frames at a time."""
+"""Of an open file, notes, `chunk` (about how many frames at a time) and, where it can, `place`."""
 
 
 def _as_text(read: Reader) -> Reader:
     """Return a reader of bytes; Latin-1 decodes any byte, and only names and months are not ASCII."""
 
-    def reader(stream: BinaryIO, notes: Notes, *chunk: int) -> Iterator[Columns]:
+    def reader(stream: BinaryIO, notes: Notes, **chunk: Grain) -> Iterator[Columns]:
         text = io.TextIOWrapper(stream, encoding="latin-1")
         try:
-            yield from read(text, notes, *chunk)
+            yield from read(text, notes, **chunk)
         finally:
             text.detach()  # who opened the stream closes it
 
@@ -54,12 +54,16 @@ def log_format(path: Path) -> str:
 
 
 def read_chunks(
-    path: Path, notes: Notes, chunk: int | None = None, reader: Reader | None = None
+    path: Path,
+    notes: Notes,
+    chunk: Grain | None = None,
+    reader: Reader | None = None,
+    place: tuple[int, ...] | None = None,
 ) -> Iterator[Columns]:
     """Yield the frames of a log in runs, in file order; garbage and faults are kept in `notes`.
 
-    `chunk`: about so many frames are decoded at a time (.mf4: as its reader likes); `reader`: instead of the
-    suffix's. Raises LogError if the file cannot be opened or its format is not known.
+    `chunk`: about so many frames are decoded at a time; `reader`: instead of the suffix's; `place`: from one
+    of `notes.place` on. Raises LogError if the file cannot be opened or its format is not known.
     """
     reader = READERS[log_format(path)] if reader is None else reader
     packed = path.suffix.lower() == ".gz"
@@ -67,8 +71,8 @@ def read_chunks(
         raw = GzipStream(path) if packed else path.open("rb")
         with io.BufferedReader(raw) if isinstance(raw, GzipStream) else raw as stream:
             whole = io.BytesIO(stream.read()) if packed and reader is read_mf4 else stream
-            size = () if chunk is None or reader is read_mf4 else (chunk,)
-            for columns in reader(whole, notes, *size):
+            wishes = {"chunk": chunk, "place": place}
+            for columns in reader(whole, notes, **{name: w for name, w in wishes.items() if w is not None}):
                 notes.read_bytes = raw.place if isinstance(raw, GzipStream) else raw.tell()
                 yield columns
             if isinstance(raw, GzipStream) and raw.fault is not None:

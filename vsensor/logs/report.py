@@ -9,10 +9,12 @@ SHOWN_GARBAGE = 5
 class Notes:
     """What a reader finds while it reads: channels by name, garbage lines, the fault that ended it.
 
-    `read_bytes` is how much of the file has been read.
+    `read_bytes` is how much of the file has been read. `place` is where the same reader can go on behind the
+    frames that it gave last, None where it cannot tell.
     """
 
     read_bytes: int = 0
+    place: tuple[int, ...] | None = None
     channels: dict[str, int] = field(default_factory=dict[str, int])
     garbage_lines: int = 0
     first_garbage: list[tuple[int, str]] = field(default_factory=list[tuple[int, str]])

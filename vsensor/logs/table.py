@@ -1,6 +1,6 @@
 """A CAN log as columns."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import IntFlag
 from typing import NamedTuple
@@ -56,6 +56,15 @@ class Columns(NamedTuple):
             self.length[rows],
             self.data[rows],
         )
+
+
+Grain = int | Callable[[], int]
+"""How many frames are read at a time: always as many, or as many as is said each time."""
+
+
+def frames_at_a_time(grain: Grain) -> int:
+    """Return how many frames are to be read now."""
+    return grain if isinstance(grain, int) else grain()
 
 
 class Record(NamedTuple):

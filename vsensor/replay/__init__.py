@@ -3,7 +3,8 @@
 from vsensor.replay.options import ReplayOptions
 from vsensor.replay.outputs import Outputs
 from vsensor.replay.player import Player, played
-from vsensor.replay.reel import Cut, Reel, survey
+from vsensor.replay.reading import Cut, survey
+from vsensor.replay.reel import Reel
 from vsensor.replay.repair import Repair
 from vsensor.replay.report import Report
 from vsensor.replay.session import replay_log

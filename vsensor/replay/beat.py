@@ -163,11 +163,16 @@ class InStep:
         self._wait(target_ns, place.due_ns(self._pace))
 
     def seek(self, due_ns: int) -> None:
-        """Go on elsewhere: the first beat is due not before `due_ns`, whole intervals after the last."""
+        """Go on elsewhere: the first beat is due not before `due_ns`, whole intervals after the last.
+
+        Or at `due_ns` itself, if that is as little late as the beat may have been in whose place it comes.
+        """
         self._tail = None
-        while self._dues and self._dues[-1] > due_ns:
+        while self._dues and self._dues[-1] >= due_ns:  # was not sent
             self._dues.pop()
-        self._wait(self._dues[-1] + self.interval_ns if self._dues else due_ns, due_ns)
+        next_ns = self._dues[-1] + self.interval_ns if self._dues else due_ns
+        is_jitter = 0 < due_ns - next_ns <= self.interval_ns // 2
+        self._wait(due_ns if is_jitter else next_ns, due_ns)
 
     def lines(self) -> list[str]:
         """Return what was left out at seams and seeks, as sentences."""

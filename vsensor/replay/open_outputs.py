@@ -13,7 +13,7 @@ from vsensor.replay.choice import Choice
 from vsensor.replay.options import ReplayOptions, mapping
 from vsensor.replay.outputs import Outputs
 from vsensor.replay.overlay import Overlay
-from vsensor.replay.reel import SURVEY, Survey
+from vsensor.replay.reading import SURVEY, Survey
 
 
 def open_outputs(

@@ -9,14 +9,17 @@ clock pass in 4 ms. Its clock, counters and images go on over seams and seeks; t
 """
 
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from msgspec.structs import replace
 
-from vsensor.overlay import KEPT, Desk, Made, MovedFrames, Wish
+from vsensor.overlay import KEPT, Desk, Made, Wish
+from vsensor.replay.images import Images, Slot
+from vsensor.replay.reading import Reading
 from vsensor.replay.reel import Piece, Reel
+from vsensor.replay.steered import Motions, Steered
 from vsensor.types import Frame
 
 LOOK_AHEAD = 8
@@ -28,7 +31,10 @@ assert KEPT > FRAMES_AHEAD + LOOK_AHEAD
 
 LEAD_NS = 15_000_000
 """A steered vehicle's image is asked for so long before its slot, with what the ECU has sent until then."""
-FETCH_NS = 2_000_000  # and fetched so long before
+FETCH_NS = 2_000_000
+"""And fetched so long before; so is every image that is not there yet, as whoever fetches it waits for it."""
+SEEK_LEAD_NS = 100_000_000
+"""A seek leaves so much time for the first images of the new place, behind those that are made in vain."""
 
 
 class Lay(NamedTuple):
@@ -44,47 +50,10 @@ class Lay(NamedTuple):
     heard: frozenset[tuple[int, bool]] = frozenset()
 
 
-class Ears(Protocol):
-    """Who hears the ECU."""
-
-    def taken(self) -> Sequence[Frame]:
-        """Return what was heard since the last call, times from the replay's beginning."""
-        ...
-
-
-class Steered(NamedTuple):
-    """From `from_ns` of the log on an ECU steers: `ears` hear it, `frames` of the car tell the new motion.
-
-    `recorded(log_ns)` and `simulated(made)` give the quantities of MovedFrames.
-    """
-
-    from_ns: int
-    ears: Ears
-    frames: MovedFrames
-    recorded: Callable[[int], dict[str, float]]
-    simulated: Callable[[Made], dict[str, float]]
-
-
-class _Passed(NamedTuple):
-    """The latest frame of the car that was passed: when it is due, the log's time of it, the pass."""
-
-    due_ns: int
-    log_ns: int
-    loop: int
-
-
-class _Image(NamedTuple):
-    """An image that was made: its slot's number, its frames, where the log was."""
-
-    number: int
-    frames: tuple[Frame, ...]
-    slot: _Passed
-
-
 class Overlaid:
     """Pulled like a reel; `seek` needs the frames that were pulled and not sent."""
 
-    most_ahead = FRAMES_AHEAD
+    most_ahead, lead_ns = FRAMES_AHEAD, SEEK_LEAD_NS
 
     def __init__(self, reel: Reel, desk: Desk, lay: Lay) -> None:
         self.start_ns = reel.start_ns
@@ -93,27 +62,32 @@ class Overlaid:
         self._reel, self._desk, self._lay = reel, desk, lay
         self._car = Piece([], [], 0)
         self._at = 0  # place in it
-        self._entries: deque[Piece | _Passed] = deque()  # frames, or (where the log is) the image of a slot
+        self._entries: deque[Piece | Slot] = deque()  # frames, or the image of a slot
         self._asked = 0  # slots among them
         self._next = 0  # number of the next slot to be asked for
-        self._waiting: list[Frame] = []  # the sensor's, made and not yet pulled
-        self._made: deque[_Image] = deque(maxlen=KEPT)
+        self._is_there = False  # the image that is the first of the entries, as far as it is known
+        self._made = Images()
         self._heard: list[Frame] = []
-        self._passed = _Passed(0, reel.start_ns, 0)
+        self._passed = Slot(0, reel.start_ns, 0)  # the latest frame of the car that was passed
         self._scene_ns: int | None = None  # the log's time of the latest slot
         self._loop = 0  # and its pass
         self.steered: Steered | None = None
-        self._motions: deque[tuple[int, dict[str, float]]] = deque(maxlen=2)  # of steered slots, log time
+        self._motions = Motions()
 
     @property
     def opens_ns(self) -> int:
-        """The replay's time before which there is nothing to pull: an image that may not be asked for yet."""
-        if not self._is_steered():
-            return 0
+        """The replay's time before which there is nothing to pull: an image that may not be asked for yet.
+
+        Or that is not there yet.
+        """
         if self._entries:
             first = self._entries[0]
-            return first.due_ns - FETCH_NS if isinstance(first, _Passed) else 0
-        return self.slot_due_ns(self._next) - LEAD_NS if self._is_slot_next() else 0
+            if not isinstance(first, Slot):
+                return 0
+            if not self._is_steered():
+                self._is_there = self._is_there or self._desk.is_ready
+            return 0 if self._is_there else first.due_ns - FETCH_NS
+        return self.slot_due_ns(self._next) - LEAD_NS if self._is_steered() and self._is_slot_next() else 0
 
     def pull(self) -> Piece | None:
         """Return the next few frames; None if there is none yet, or (`ended`) any more."""
@@ -132,8 +106,8 @@ class Overlaid:
             return None if self._at < len(self._car.frames) else self._rest()
         entry = self._entries.popleft()
         if isinstance(entry, Piece):
-            return self._merged(self._told_anew(entry))
-        self._asked -= 1
+            return self._merged(self._motions.told_anew(self.steered, entry))
+        self._asked, self._is_there = self._asked - 1, False
         return self._image(entry)
 
     def _is_steered(self) -> bool:
@@ -149,34 +123,35 @@ class Overlaid:
         """Return whether to go on: a steered vehicle's image waits until all before it is pulled."""
         return not (self._is_steered() and self._entries)
 
-    def seek(self, log_ns: int, due_ns: int, loop: int = 0, unsent: Sequence[Frame] = ()) -> None:
+    def reading(self, log_ns: int) -> Reading:
+        """Return what can be read up to `log_ns`, little by little, while this plays on: for `seek`."""
+        return self._reel.reading(log_ns)
+
+    def seek(
+        self,
+        log_ns: int,
+        due_ns: int,
+        loop: int = 0,
+        unsent: Sequence[Frame] = (),
+        reading: Reading | None = None,
+    ) -> None:
         """Go on with the car's first frame not before `log_ns`; the sensor goes on where it is.
 
         An image of which something was sent is sent to its end.
         """
-        self._reel.seek(log_ns, due_ns, loop)
+        self._reel.seek(log_ns, due_ns, loop, reading=reading)
         self.ended = False
-        waiting = {id(frame) for frame in (*unsent, *self._waiting)}
-        self._waiting, resume = [], self._made[-1].number + 1 if self._made else 0
-        for image in self._made:
-            left = [frame for frame in image.frames if id(frame) in waiting]
-            if image.frames and len(left) == len(image.frames):
-                resume = image.number
-                break
-            self._waiting += left
-        self._waiting.sort(key=_due)
-        while self._made and self._made[-1].number >= resume:
-            self._made.pop()
-        self._scene_ns = self._made[-1].slot.log_ns if self._made else None
-        self._desk.rewind(resume)
-        self._next, self._asked = resume, 0
+        self._next, self._asked = self._made.take_back(unsent), 0
+        self._scene_ns = self._made.log_ns
+        self._desk.rewind(self._next)
         self._car, self._at = Piece([], [], loop), 0
         self._entries.clear()
         self._heard.clear()
-        self._motions.clear()
-        self._passed = _Passed(due_ns, max(log_ns, self.start_ns), loop)
+        self._motions.forget()
+        self._is_there = False
+        self._passed = Slot(due_ns, max(log_ns, self.start_ns), loop)
 
-    def unfinished(self, frames: Iterable[Frame]) -> int:
+    def whole(self, frames: Iterable[Frame]) -> int:
         """Return 0: an image that has begun is sent to its end after a seek, on its own times."""
         return 0
 
@@ -198,7 +173,7 @@ class Overlaid:
         if end > at:
             run = Piece(frames[at:end], self._car.log_ns[at:end], self._car.loop)
             self._entries.append(run)
-            self._passed = _Passed(run.frames[-1].due_ns, run.log_ns[-1], run.loop)
+            self._passed = Slot(run.frames[-1].due_ns, run.log_ns[-1], run.loop)
             if self._lay.heard:
                 self._hear(run.frames)
             self._at = end
@@ -221,7 +196,7 @@ class Overlaid:
         self._heard.clear()
         self._desk.ask(Wish(self._next, log_ns, is_cut, is_cut and passed.loop != self._loop, heard))
         self._scene_ns, self._loop = log_ns, passed.loop
-        self._entries.append(_Passed(due_ns, log_ns, passed.loop))
+        self._entries.append(Slot(due_ns, log_ns, passed.loop))
         self._asked += 1
         self._next += 1
 
@@ -230,55 +205,30 @@ class Overlaid:
         passed, speed = self._passed, self._lay.speed
         return passed.log_ns + (due_ns - passed.due_ns) * speed.numerator // speed.denominator
 
-    def _told_anew(self, run: Piece) -> Piece:
-        """Return the car's frames as they are once the vehicle moves otherwise than recorded."""
-        steered = self.steered
-        if steered is None or not self._motions:
-            return run
-        pairs = []
-        for frame, log_ns in zip(run.frames, run.log_ns, strict=True):
-            moved = frame if log_ns < steered.from_ns else self._told(steered, frame, log_ns)
-            if moved is not None:
-                pairs.append((moved, log_ns))
-        return Piece([frame for frame, _ in pairs], [log_ns for _, log_ns in pairs], run.loop)
-
-    def _told(self, steered: Steered, frame: Frame, log_ns: int) -> Frame | None:
-        """Return a frame with the motion of its time, extrapolated from the latest two slots."""
-        (first_ns, first), (last_ns, last) = self._motions[0], self._motions[-1]
-        part = (log_ns - last_ns) / (last_ns - first_ns) if last_ns > first_ns else 0.0
-        recorded = steered.recorded(log_ns)
-        changes = {
-            name: value + part * (value - first[name]) - recorded[name] for name, value in last.items()
-        }
-        return steered.frames.moved(frame, changes)
-
     def _on_sensor_time(self, frame: Frame) -> Frame:
         speed = self._lay.speed
         return replace(frame, due_ns=frame.due_ns * speed.numerator // speed.denominator)
 
-    def _image(self, slot: _Passed) -> Piece | None:
+    def _image(self, slot: Slot) -> Piece | None:
         """Return the frames of the image that was asked for first, and what waited until then."""
         made: Made = self._desk.answer()
-        if self.steered is not None and made.is_steered:
-            self._motions.append((slot.log_ns, self.steered.simulated(made)))
-        else:
-            self._motions.clear()
+        self._motions.take(self.steered, slot.log_ns, made)
         frames = tuple(
             replace(frame, due_ns=self._due_of(frame.due_ns), channel=self._lay.channel)
             for frame in made.frames
         )
-        self._made.append(_Image(made.number, frames, slot))
+        self._made.add(made.number, frames, slot)
         self.images += bool(frames)
-        self._waiting = sorted((*self._waiting, *frames), key=_due)
-        return self._piece(self._taken(slot.due_ns), slot)
+        return _piece(self._made.taken(slot.due_ns), slot)
 
     def _merged(self, run: Piece) -> Piece | None:
         """Return frames of the car, and between them the sensor's that are due there."""
         if not run.frames:
             return None
-        if not self._waiting or self._waiting[0].due_ns > run.frames[-1].due_ns:
+        ends_ns = run.frames[-1].due_ns
+        if not self._made.is_due(ends_ns):
             return run
-        own = self._taken(run.frames[-1].due_ns)
+        own = self._made.taken(ends_ns)
         both = [*zip(run.frames, run.log_ns, strict=True)]
         both += [(frame, self._log_ns(frame, run)) for frame in own]
         both.sort(key=lambda pair: pair[0].due_ns)
@@ -289,20 +239,11 @@ class Overlaid:
         ahead_ns = (run.frames[-1].due_ns - frame.due_ns) * speed.numerator // speed.denominator
         return run.log_ns[-1] - ahead_ns
 
-    def _taken(self, due_ns: int) -> list[Frame]:
-        """Return what waits and is due by then."""
-        count = sum(frame.due_ns <= due_ns for frame in self._waiting)
-        taken, self._waiting = self._waiting[:count], self._waiting[count:]
-        return taken
-
-    def _piece(self, frames: list[Frame], place: _Passed) -> Piece | None:
-        return Piece(frames, [place.log_ns] * len(frames), place.loop) if frames else None
-
     def _rest(self) -> Piece | None:
         """Return what still waits when the log has ended."""
         self.ended = True
-        return self._piece(self._taken(1 << 62), self._passed)
+        return _piece(self._made.taken(1 << 62), self._passed)
 
 
-def _due(frame: Frame) -> int:
-    return frame.due_ns
+def _piece(frames: list[Frame], place: Slot) -> Piece | None:
+    return Piece(frames, [place.log_ns] * len(frames), place.loop) if frames else None

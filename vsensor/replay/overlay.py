@@ -26,10 +26,13 @@ from vsensor.overlay import (
 )
 from vsensor.replay.choice import EXTENDED_KEY, Choice, keys_of
 from vsensor.replay.options import ReplayOptions, log_time_ns, speed_of
-from vsensor.replay.overlaid import Lay, Overlaid, Steered
-from vsensor.replay.player import Player, Sending
-from vsensor.replay.reel import Cut, Reel, Survey, times_at
+from vsensor.replay.overlaid import Lay, Overlaid
+from vsensor.replay.player import Player
+from vsensor.replay.reading import Cut, Survey, times_at
+from vsensor.replay.reel import Reel
+from vsensor.replay.sender import Sending
 from vsensor.replay.smooth import Smooth, smoothed
+from vsensor.replay.steered import Steered
 from vsensor.replay.timeline import Order, in_order
 from vsensor.types import BoolArray, Frame
 

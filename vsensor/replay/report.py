@@ -21,6 +21,8 @@ class Report:
     interrupted: bool = False
     names: dict[str, int] = field(default_factory=dict[str, int])  # of the channels -> their numbers
     fault: str | None = None  # why the log was not played to its end
+    seeks: int = 0
+    silence_ns: int = 0  # the longest without a frame while one was under way
     notes: list[str] = field(default_factory=list[str])
 
     @property
@@ -52,6 +54,10 @@ class Report:
             self.first_late_ns = late_ns
         self.last_late_ns = late_ns
 
+    def silent(self, silence_ns: int) -> None:
+        """Note how long no frame was sent during a seek."""
+        self.silence_ns = max(self.silence_ns, silence_ns)
+
     def text(self) -> str:
         """Return the summary as lines."""
         by_number = {number: name for name, number in self.names.items()}
@@ -67,4 +73,6 @@ class Report:
             lines += [f"{name}: {samples.text()}" for name, samples in self.timing.named().items()]
             planned_s, off_ms = self.due_ns / 1e9, self.duration_error_ns / 1e6
             lines.append(f"duration {planned_s:.3f} s as planned, error {off_ms:.3f} ms")
+        if self.real_time and self.seeks:
+            lines.append(f"seeks {self.seeks}, longest silence at one {self.silence_ns / 1e6:.3f} ms")
         return "\n".join([*lines, *self.notes])

@@ -21,7 +21,8 @@ from vsensor.replay.options import ReplayOptions, epoch_ns, log_time_ns, speed_o
 from vsensor.replay.outputs import Outputs
 from vsensor.replay.overlay import Sendable, open_overlay
 from vsensor.replay.player import REST_NS, Player, played
-from vsensor.replay.reel import PIECE, Cut, Reel, Survey, survey
+from vsensor.replay.reading import Cut, Survey, survey
+from vsensor.replay.reel import PIECE, Reel
 from vsensor.replay.report import Report
 from vsensor.replay.smooth import measured_cycles
 from vsensor.replay.stages import Stage
