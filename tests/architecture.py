@@ -17,7 +17,7 @@ ORDER = """
     / profile
     / signals state latency faults
     / transmit
-    / clock
+    / clock timing
     / bus logs
     / world
     / sources sinks

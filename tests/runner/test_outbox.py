@@ -4,7 +4,7 @@ import pytest
 
 from vsensor.clock import SimulatedClock
 from vsensor.runner.outbox import Outbox
-from vsensor.runner.timing import Timing
+from vsensor.timing import Timing
 from vsensor.types import Frame, Tick
 
 MS = 1_000_000

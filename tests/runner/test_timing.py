@@ -3,7 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vsensor.runner import Samples, Summary, Timing
+from vsensor.runner import Summary
+from vsensor.timing import Samples, Timing
 
 
 @given(st.lists(st.integers(-(10**12), 10**12), min_size=1, max_size=300))

@@ -23,7 +23,7 @@ from tools.bench.measure import ROOT
 from vsensor.bus import FrameBus, Port, Times, to_message
 from vsensor.bus.socketcan import SO_RCVBUFFORCE, SO_TIMESTAMPNS, SocketcanPort
 from vsensor.bus.wire import from_wire, to_wire
-from vsensor.runner import Samples
+from vsensor.timing import Samples
 from vsensor.types import Frame
 
 FRAME = Frame(due_ns=0, arbitration_id=0x320, data=bytes(8))

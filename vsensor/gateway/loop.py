@@ -18,7 +18,7 @@ from msgspec.structs import replace
 from vsensor.clock import Clock
 from vsensor.errors import SessionError
 from vsensor.overlay import Desk, Wish
-from vsensor.runner import Samples
+from vsensor.timing import Samples
 from vsensor.types import Frame
 
 STUCK = 50

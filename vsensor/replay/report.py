@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from vsensor.runner import Timing
+from vsensor.timing import Timing
 
 
 @dataclass(slots=True)

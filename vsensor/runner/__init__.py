@@ -4,6 +4,5 @@ from vsensor.runner.loop import Control, Loop, run_loop
 from vsensor.runner.outbox import FrameBus
 from vsensor.runner.stopwatch import STAGES, Stopwatch
 from vsensor.runner.summary import Summary
-from vsensor.runner.timing import Samples, Timing
 
-__all__ = ["STAGES", "Control", "FrameBus", "Loop", "Samples", "Stopwatch", "Summary", "Timing", "run_loop"]
+__all__ = ["STAGES", "Control", "FrameBus", "Loop", "Stopwatch", "Summary", "run_loop"]

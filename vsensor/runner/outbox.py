@@ -6,7 +6,7 @@ from operator import attrgetter, itemgetter
 from typing import NamedTuple, Protocol
 
 from vsensor.clock import Clock
-from vsensor.runner.timing import Timing
+from vsensor.timing import Timing
 from vsensor.types import Frame, Tick
 
 _due_ns = attrgetter("due_ns")

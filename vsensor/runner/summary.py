@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vsensor.runner.stopwatch import STAGES, Stopwatch
-from vsensor.runner.timing import Samples, Timing
+from vsensor.timing import Samples, Timing
 
 
 @dataclass(slots=True)
