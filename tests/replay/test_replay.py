@@ -1,6 +1,8 @@
 """`vsensor replay` as a tester calls it: what is on the bus, what is recorded, what is refused and how."""
 
 import re
+import subprocess
+import sys
 import time
 from datetime import UTC, datetime, timedelta
 
@@ -339,3 +341,13 @@ def test_a_repaired_recording_of_a_loop_is_accepted(tmp_path, capsys):
 def test_a_repair_that_cannot_be_meant_is_refused(log, words, said, capsys):
     assert replay(log, *words) == 2
     assert said in capsys.readouterr().err
+
+
+def test_a_log_is_played_without_what_only_profiles_and_scenarios_need(log):
+    heavy = "scipy cantools lxml asammdf pandas polars vsensor.config vsensor.profile vsensor.codec"
+    loaded = f"[name for name in '{heavy}'.split() if sys.modules.get(name)]"
+    code = f"from vsensor.cli import main; print(main(), {loaded})"
+    words = ["replay", str(log), "--bus", "virtual:light", "--quiet"]
+    command = [sys.executable, "-c", f"import sys; {code}", *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "0 []"

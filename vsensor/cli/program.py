@@ -48,6 +48,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit status."""
     # One core is enough, and OpenBLAS threads would disturb the cycle; numpy reads it when it is loaded.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if argv is None:
+        _leave_out_asammdf()
     arguments = _parser().parse_args(argv)
     command: Callable[[argparse.Namespace], int] = arguments.command
     try:
@@ -67,6 +69,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 2
     except KeyboardInterrupt:
         return 130
+
+
+def _leave_out_asammdf() -> None:
+    """Keep asammdf out of a process that is ours, where it is installed.
+
+    python-can loads it, with pandas, for logs that are read here without it: half of the time to the first
+    frame. To python-can it is then not installed.
+    """
+    sys.modules.setdefault("asammdf", None)  # type: ignore[arg-type]
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -12,9 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from datetime import UTC, datetime
 from decimal import Decimal, InvalidOperation
-from typing import Any, TextIO
-
-import can
+from typing import TYPE_CHECKING, Any, TextIO
 
 from vsensor.logs.report import Notes
 from vsensor.logs.table import (
@@ -29,6 +27,9 @@ from vsensor.logs.table import (
     columns_from,
     frames_at_a_time,
 )
+
+if TYPE_CHECKING:
+    import can
 
 logging.getLogger("can.io").addHandler(logging.NullHandler())  # its warnings are counted here instead
 
@@ -123,10 +124,12 @@ def _epoch_ns(line: str, otherwise: int) -> int:
 
 def read_asc(stream: TextIO, notes: Notes, chunk: Grain = BATCH) -> Iterator[Columns]:
     """Yield the frames of a Vector ASC log; times are absolute where the header has a date, as UTC."""
+    import can
+
     lines = _AscLines(stream, ("internal events logged\n",))
     reader = can.ASCReader(lines, relative_timestamp=True)  # type: ignore[arg-type]
 
-    def record(message: can.Message) -> Record | None:
+    def record(message: "can.Message") -> Record | None:
         if message.dlc > CLASSIC_BYTES and not message.is_fd and _asc_length(lines.pending) > 15:
             return None
         if message.is_fd and message.dlc == 0:
@@ -164,10 +167,12 @@ class _TrcLines(_Lines):
 
 def read_trc(stream: TextIO, notes: Notes, chunk: Grain = BATCH) -> Iterator[Columns]:
     """Yield the frames of a PEAK TRC log, versions 1.0 to 2.1; version 1.0 has times from its start."""
+    import can
+
     lines = _TrcLines(stream, ())
     reader = can.TRCReader(lines)  # type: ignore[arg-type]
 
-    def record(message: can.Message) -> Record | None:
+    def record(message: "can.Message") -> Record | None:
         offset_ms = Decimal(lines.pending[-1][1].split()[reader.columns.get("O", 1)])
         t_ns = lines.start_ns + round(offset_ms * 10**6)
         return _record(message, notes.channel(str(message.channel)), t_ns)
@@ -187,10 +192,12 @@ def _trc_line(text: str) -> str:
 
 def read_csv(stream: TextIO, notes: Notes, chunk: Grain = BATCH) -> Iterator[Columns]:
     """Yield the frames of a CSV log as python-can writes it; it has neither channel nor FD."""
+    import can
+
     lines = _Lines(stream, ("header\n",))
     reader = can.CSVReader(lines)  # type: ignore[arg-type]
 
-    def record(message: can.Message) -> Record | None:
+    def record(message: "can.Message") -> Record | None:
         text = lines.pending[-1][1].partition(",")[0].strip()
         t_ns = _written_ns(text) if _NANOSECONDS.fullmatch(text) else _microseconds(message.timestamp)
         return _record(message, notes.channel("1"), t_ns)
@@ -216,7 +223,7 @@ def _microseconds(seconds: float) -> int:
     return round(seconds * 1e6) * 1000
 
 
-def _record(message: can.Message, channel: int, t_ns: int) -> Record | None:
+def _record(message: "can.Message", channel: int, t_ns: int) -> Record | None:
     """Return a plain record; None for what no bus can carry."""
     flags = int(message.is_extended_id and not message.is_error_frame)
     flags |= Flag.FD * message.is_fd | Flag.BITRATE_SWITCH * message.bitrate_switch
@@ -234,7 +241,7 @@ def _record(message: can.Message, channel: int, t_ns: int) -> Record | None:
 def _records(
     reader: Any,
     lines: _Lines,
-    record: Callable[[can.Message], Record | None],
+    record: Callable[["can.Message"], Record | None],
     kind_of_line: Callable[[str], str],
     notes: Notes,
 ) -> Iterator[Record]:

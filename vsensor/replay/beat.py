@@ -9,16 +9,18 @@ where the pass does, nothing is played if frames of it are missing.
 
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from vsensor.logs import Columns
 from vsensor.logs.table import joined
-from vsensor.profile import Profile
 from vsensor.replay.choice import EXTENDED_KEY, keys_of
 from vsensor.replay.timeline import Pace, Place, moved, paced
 from vsensor.types import IntArray
+
+if TYPE_CHECKING:
+    from vsensor.profile import Profile
 
 REMEMBERED = 8192  # more than a player reads ahead
 GIVEN_UP = 3  # intervals without a K: then there is no rhythm to keep
@@ -34,7 +36,7 @@ class Beat(NamedTuple):
 
 
 def beat_of(
-    profiles: Sequence[Profile], keys: IntArray, m_ns: IntArray, rename: Mapping[int, int]
+    profiles: Sequence["Profile"], keys: IntArray, m_ns: IntArray, rename: Mapping[int, int]
 ) -> Beat | None:
     """Return the rhythm of the first profile that has one in these frames (N,); None without any.
 

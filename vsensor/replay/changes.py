@@ -2,25 +2,22 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import msgspec
-
-from vsensor.camera import CameraConfig
 from vsensor.errors import ConfigError
-from vsensor.profile import Profile, load_worded
 from vsensor.replay.options import ReplayOptions, speed_of
-from vsensor.replay.repair import Repair
 from vsensor.replay.stages import Stage
-from vsensor.replay.translate import Translate
-from vsensor.signals import VehicleConfig
+
+if TYPE_CHECKING:  # loaded where they are asked for: a third of the time to the first frame
+    from vsensor.profile import Profile
+    from vsensor.replay.translate import Translate
 
 
 class Changes(NamedTuple):
     """Stages, the profiles that know the log's frames, and whether CAN FD frames come in."""
 
     stages: Sequence[Stage]
-    profiles: Sequence[Profile]
+    profiles: Sequence["Profile"]
     adds_fd: bool
 
 
@@ -30,6 +27,11 @@ def changes_of(options: ReplayOptions) -> Changes:
     A profile that names no database gets it as NAME=DATABASE, or from a single --dbc.
     """
     _require_sense(options)
+    if not options.repair and options.target is None:
+        return Changes((), (), adds_fd=False)
+    from vsensor.profile import load_worded
+    from vsensor.replay.repair import Repair
+
     spare = options.dbc[0] if len(options.dbc) == 1 else None
     speed = 1.0 if options.fast else float(speed_of(options.speed))
     profiles = [load_worded(text, spare) for text in options.repair]
@@ -57,7 +59,14 @@ def _require_sense(options: ReplayOptions) -> None:
 
 def _translate(
     options: ReplayOptions, source: str, target: str, spare: Path | None, speed: float
-) -> Translate:
+) -> "Translate":
+    import msgspec
+
+    from vsensor.camera import CameraConfig
+    from vsensor.profile import load_worded
+    from vsensor.replay.translate import Translate
+    from vsensor.signals import VehicleConfig
+
     vehicle = VehicleConfig()
     if options.wheelbase_m is not None:
         vehicle = msgspec.structs.replace(vehicle, wheelbase_m=options.wheelbase_m)

@@ -4,14 +4,17 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vsensor.codec import Database
 from vsensor.errors import ConfigError
 from vsensor.logs import Columns
 from vsensor.logs.table import EXTENDED, MAX_EXTENDED_ID, MAX_STANDARD_ID
 from vsensor.types import BoolArray, IntArray
+
+if TYPE_CHECKING:
+    from vsensor.codec import Database
 
 EXTENDED_KEY = 1 << 29
 _NUMBER = re.compile(r"(0[xX][0-9a-fA-F]+?)([xX]?)")
@@ -26,7 +29,7 @@ class Names:
     senders: Mapping[str, frozenset[int]]
 
     @classmethod
-    def of(cls, databases: Iterable[Database]) -> "Names":
+    def of(cls, databases: Iterable["Database"]) -> "Names":
         """Return the names in all of the databases."""
         messages: dict[str, frozenset[int]] = {}
         senders: dict[str, frozenset[int]] = {}

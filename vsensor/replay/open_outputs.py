@@ -2,6 +2,7 @@
 
 import contextlib
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,8 +13,10 @@ from vsensor.logs.table import ERROR, FD
 from vsensor.replay.choice import Choice
 from vsensor.replay.options import ReplayOptions, mapping
 from vsensor.replay.outputs import Outputs
-from vsensor.replay.overlay import Overlay
 from vsensor.replay.reading import SURVEY, Survey
+
+if TYPE_CHECKING:
+    from vsensor.replay.overlay import Overlay
 
 
 def open_outputs(
@@ -21,7 +24,7 @@ def open_outputs(
     head: Survey,
     chosen: Choice,
     stack: contextlib.ExitStack,
-    overlay: Overlay | None = None,
+    overlay: "Overlay | None" = None,
     *,
     adds_fd: bool = False,
 ) -> Outputs:

@@ -1,13 +1,16 @@
 """Where frames leave: each channel of the log on its bus, frames that no bus takes left out and counted."""
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vsensor.bus import FrameBus
 from vsensor.logs import Columns
 from vsensor.logs.table import ERROR, FD, REMOTE
 from vsensor.types import BoolArray, Frame
+
+if TYPE_CHECKING:
+    from vsensor.bus import FrameBus
 
 
 class Outputs:
@@ -20,8 +23,8 @@ class Outputs:
         self,
         channels: Mapping[str, int],
         *,
-        by_name: Mapping[str, FrameBus] | None = None,
-        rest: FrameBus | None = None,
+        by_name: Mapping[str, "FrameBus"] | None = None,
+        rest: "FrameBus | None" = None,
         fd: frozenset[str] = frozenset(),
     ) -> None:
         self.buses = list(dict.fromkeys([*(by_name or {}).values(), *([rest] if rest else [])]))
@@ -68,7 +71,7 @@ class Outputs:
         """Return the log's name of a channel."""
         return next((name for name, n in self._channels.items() if n == number), str(number))
 
-    def _bus(self, number: int) -> FrameBus | None:
+    def _bus(self, number: int) -> "FrameBus | None":
         if number not in self._by_number:
             self._by_number[number] = self._by_name.get(self.name(number), self._rest)
         return self._by_number[number]

@@ -29,7 +29,7 @@ from vsensor.replay.options import ReplayOptions, log_time_ns, speed_of
 from vsensor.replay.overlaid import Lay, Overlaid
 from vsensor.replay.player import Player
 from vsensor.replay.reading import Cut, Survey, times_at
-from vsensor.replay.reel import Reel
+from vsensor.replay.reel import Reel, Sendable
 from vsensor.replay.sender import Sending
 from vsensor.replay.smooth import Smooth, smoothed
 from vsensor.replay.steered import Steered
@@ -38,7 +38,6 @@ from vsensor.types import BoolArray, Frame
 
 Say = Callable[[str], None]
 Ids = frozenset[tuple[int, bool]]
-Sendable = Callable[[Columns], BoolArray]
 
 WARM_IMAGES = 5
 
@@ -134,12 +133,10 @@ class Overlay:
 
 
 def open_overlay(
-    options: ReplayOptions, head: Survey, cut: Cut, say: Say, stack: contextlib.ExitStack
-) -> Overlay | None:
-    """Compile the sensor of `--overlay` for a log; closed with `stack`. Raises VsensorError subclasses."""
-    if options.overlay is None:
-        return None
-    scenario = load_scenario(options.overlay)
+    name: str, options: ReplayOptions, head: Survey, cut: Cut, say: Say, stack: contextlib.ExitStack
+) -> Overlay:
+    """Compile the sensor of a scenario for a log; closed with `stack`. Raises VsensorError subclasses."""
+    scenario = load_scenario(name)
     over_ns = None
     if options.take_over is not None:
         over_ns = log_time_ns("--take-over", options.take_over, head.start_ns)

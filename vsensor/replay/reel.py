@@ -23,6 +23,10 @@ NOTHING = "none of its frames is chosen, within --start and --stop, and of a kin
 IMAGE_FRAMES = 256  # that are looked at for the end of an image
 
 
+Sendable = Callable[[Columns], BoolArray]
+"""Says which of some frames (N,) some bus can take."""
+
+
 class Piece(NamedTuple):
     """A run of frames to be played: `due_ns` of a frame counts from the beginning of the replay.
 
@@ -48,7 +52,7 @@ class Reel:
         choice: Choice,
         pace: Pace | None = None,
         cut: Cut | None = None,
-        sendable: Callable[[Columns], BoolArray] | None = None,
+        sendable: Sendable | None = None,
         piece: int = PIECE,
     ) -> None:
         """Prepare to read `path`, whose beginning is `head`.

@@ -3,14 +3,14 @@
 import contextlib
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from vsensor.clock import Clock, MonotonicClock, SimulatedClock, epoch_offset_ns
-from vsensor.codec import Database, load_database
 from vsensor.errors import ConfigError
 from vsensor.logs import LogWriter, open_log_writer
-from vsensor.profile import Profile, load_profiles
 from vsensor.realtime import calm_collector, real_time_priority
 from vsensor.replay.beat import Beat, beat_of
 from vsensor.replay.changes import changes_of
@@ -19,14 +19,18 @@ from vsensor.replay.keys import HELP
 from vsensor.replay.open_outputs import open_outputs
 from vsensor.replay.options import ReplayOptions, epoch_ns, log_time_ns, speed_of
 from vsensor.replay.outputs import Outputs
-from vsensor.replay.overlay import Sendable, open_overlay
 from vsensor.replay.player import REST_NS, Player, played
 from vsensor.replay.reading import Cut, Survey, survey
-from vsensor.replay.reel import PIECE, Reel
+from vsensor.replay.reel import PIECE, Reel, Sendable
 from vsensor.replay.report import Report
 from vsensor.replay.smooth import measured_cycles
 from vsensor.replay.stages import Stage
 from vsensor.replay.timeline import Pace
+
+if TYPE_CHECKING:  # loaded where they are asked for: a third of the time to the first frame
+    from vsensor.codec import Database
+    from vsensor.profile import Profile
+    from vsensor.replay.overlay import Overlay
 
 Say = Callable[[str], None]
 Keys = Callable[[], list[str]]
@@ -55,13 +59,13 @@ def replay_log(
     _require_sense(options)
     databases = _databases(options)
     changes = changes_of(options)
-    databases += [load_database(profile.database) for profile in changes.profiles]
+    databases += _loaded(profile.database for profile in changes.profiles)
     stages = (*stages, *changes.stages)
     head = survey(options.path, options.rate_hz)
     chosen = choice(options.include, options.exclude, options.rename, _names(databases))
     with contextlib.ExitStack() as stack:
         cut = _cut(options, head, databases)
-        overlay = open_overlay(options, head, cut, say, stack)
+        overlay = _overlay(options, head, cut, say, stack)
         if overlay is None:
             cut = replace(cut, beat=_beat(changes.profiles, head, chosen))
         outputs = open_outputs(options, head, chosen, stack, overlay, adds_fd=changes.adds_fd)
@@ -95,7 +99,7 @@ def replay_log(
     return report
 
 
-def _beat(profiles: Sequence[Profile], head: Survey, chosen: Choice) -> Beat | None:
+def _beat(profiles: Sequence["Profile"], head: Survey, chosen: Choice) -> Beat | None:
     """Return the rhythm of the images that are repaired, as the beginning of the log has it."""
     rows = chosen.mask(head.columns, head.channels)
     return beat_of(profiles, keys_of(head.columns)[rows], head.m_ns[rows], chosen.rename)
@@ -128,20 +132,41 @@ def _clock(options: ReplayOptions) -> Clock:
     return MonotonicClock(spin_ns=SPIN_NS if len(os.sched_getaffinity(0)) > 1 else 0)
 
 
-def _databases(options: ReplayOptions) -> list[Database]:
+def _databases(options: ReplayOptions) -> list["Database"]:
     if not options.profile:
-        return [load_database(path) for path in options.dbc]
+        return _loaded(options.dbc)
     if len(options.dbc) > 1:
         raise ConfigError("--dbc: with --profile one database at most, that of the profile that names none")
+    from vsensor.profile import load_profiles
+
     profiles = load_profiles(options.profile, options.dbc[0] if options.dbc else None)
-    return [load_database(path) for path in dict.fromkeys(profile.database for profile in profiles)]
+    return _loaded(dict.fromkeys(profile.database for profile in profiles))
 
 
-def _names(databases: Sequence[Database]) -> Names | None:
+def _loaded(paths: Iterable[Path]) -> list["Database"]:
+    paths = list(paths)
+    if not paths:
+        return []
+    from vsensor.codec import load_database
+
+    return [load_database(path) for path in paths]
+
+
+def _overlay(
+    options: ReplayOptions, head: Survey, cut: Cut, say: Say, stack: contextlib.ExitStack
+) -> "Overlay | None":
+    if options.overlay is None:
+        return None
+    from vsensor.replay.overlay import open_overlay
+
+    return open_overlay(options.overlay, options, head, cut, say, stack)
+
+
+def _names(databases: Sequence["Database"]) -> Names | None:
     return Names.of(databases) if databases else None
 
 
-def _cut(options: ReplayOptions, head: Survey, databases: Sequence[Database]) -> Cut:
+def _cut(options: ReplayOptions, head: Survey, databases: Sequence["Database"]) -> Cut:
     start, stop = (
         None if text is None else log_time_ns(option, text, head.start_ns)
         for option, text in (("--start", options.start), ("--stop", options.stop))
@@ -164,7 +189,7 @@ def _reel(options: ReplayOptions, head: Survey, chosen: Choice, cut: Cut, sendab
     return Reel(options.path, head, choice=chosen, pace=pace, cut=cut, sendable=sendable, piece=piece)
 
 
-def _cycles(head: Survey, databases: Sequence[Database]) -> dict[int, int]:
+def _cycles(head: Survey, databases: Sequence["Database"]) -> dict[int, int]:
     """Return cycle times in ns by key: those of the databases; the measured medians where they have none."""
     layouts = [layout for database in databases for layout in database.layouts.values() if layout.cycle_ms]
     told = {
