@@ -20,7 +20,7 @@ from vsensor.world.road.config import (
     Straight,
     StretchConfig,
 )
-from vsensor.world.road.load import is_road_file, load_road, opendrive_of, opendrive_text
+from vsensor.world.road.load import build_map, is_road_file, load_road, opendrive_of, opendrive_text
 
 __all__ = [
     "SCHEMA",
@@ -41,6 +41,7 @@ __all__ = [
     "StopLineConfig",
     "Straight",
     "StretchConfig",
+    "build_map",
     "is_road_file",
     "load_road",
     "opendrive_of",

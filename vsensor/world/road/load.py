@@ -4,6 +4,8 @@ from pathlib import Path
 
 from vsensor.errors import ConfigError
 from vsensor.schema import check_schema, convert, read_toml
+from vsensor.world.opendrive.load import parse_map
+from vsensor.world.opendrive.road import RoadMap
 from vsensor.world.road.config import SCHEMA, RoadFile
 from vsensor.world.road.plan import Plan, plan_of
 from vsensor.world.road.write import document
@@ -35,6 +37,11 @@ def load_plan(path: Path) -> Plan:
 def opendrive_text(file: RoadFile) -> bytes:
     """Return a road file's OpenDRIVE 1.7 text; raises ConfigError naming the key."""
     return text_of(plan_of(file))
+
+
+def build_map(file: RoadFile) -> RoadMap:
+    """Return the map of a road file made in Python; raises ConfigError naming the key."""
+    return parse_map(opendrive_text(file), Path(f"{file.name or 'road'}.xodr"))
 
 
 def opendrive_of(path: Path) -> bytes:
