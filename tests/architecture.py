@@ -24,8 +24,9 @@ ORDER = """
     / config
     / line
     / runner realtime
-    / score accept
+    / score accept pages
     / study
+    / experiment
     / plots control
     / run
     / overlay

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 
 from vsensor.field.density import PROFILE, SPREADS, Density, edges_of
-from vsensor.field.pictures import COLOURS, density, new_figure
 from vsensor.field.tune.region import operating_region
 from vsensor.field.tune.survey import REACH_BINS, REACH_STEP_M
+from vsensor.pages import COLOURS, density, new_figure
 
 LABELS = {
     "yaw_rate_radps": "yaw rate (rad/s)",

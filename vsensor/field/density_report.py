@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from vsensor.field.density import Density, edges_of
-from vsensor.field.pictures import png_of, require_folder
 from vsensor.field.thin import Stretch, Thin
 from vsensor.field.tune.survey import REACH_BINS, REACH_STEP_M
+from vsensor.pages import png_of, require_folder
 from vsensor.study.table import replace_file
 
 

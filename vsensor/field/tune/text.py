@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from vsensor.error_model import ErrorModel
-from vsensor.field.pictures import COLOURS, density, new_figure, png_of, require_folder
 from vsensor.field.tune.correlation import time_curve
 from vsensor.field.tune.survey import REACH_BINS, REACH_STEP_M
 from vsensor.field.tune.tuning import Condition, Tuned
+from vsensor.pages import COLOURS, density, new_figure, png_of, require_folder
 from vsensor.study.table import replace_file
 
 SHOWN_RANGES_M = (10.0, 20.0, 50.0, 80.0)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from vsensor.errors import ConfigError
-from vsensor.field.pictures import COLOURS, html_image, new_figure, pdf_of
 from vsensor.field.validate.judge import LEVELS, Judged
+from vsensor.pages import COLOURS, html_image, new_figure, pdf_of
 from vsensor.study.table import replace_file
 
 STYLE = """
