@@ -11,13 +11,12 @@ import msgspec
 from vsensor.bus import FrameBus, open_bus
 from vsensor.clock import Clock, MonotonicClock, SimulatedClock, epoch_offset_ns
 from vsensor.config import Scenario
-from vsensor.draws import Draws
 from vsensor.errors import BusError, ConfigError
 from vsensor.faults import parse_fault
 from vsensor.line import Line, build_line, tick_count
-from vsensor.profile import quantisation_error_m
 from vsensor.realtime import calm_collector, real_time_priority
 from vsensor.runner import Control, Summary, run_loop
+from vsensor.runner.outputs import open_images, open_trace, open_truth
 from vsensor.sinks import Sink
 from vsensor.types import Tick
 
@@ -212,19 +211,8 @@ def _sinks(
         sinks.append(PictureSink(options.picture, line.sensor.camera, front_axle_x_m=wheelbase_m))
         stack.callback(sinks[-1].close)
     if options.images is not None or options.video is not None:
-        from vsensor.sinks.image import ImageSink
-
-        sinks.append(
-            ImageSink(
-                line.sensor.camera,
-                scenario.config.image,
-                Draws(scenario.config.seed),
-                folder=options.images,
-                every=options.image_every,
-                video=options.video,
-                period_ns=scenario.config.cycle_ms * 1_000_000,
-            )
-        )
+        every = options.image_every
+        sinks.append(open_images(scenario, line, folder=options.images, every=every, video=options.video))
         stack.callback(sinks[-1].close)
     if options.log is not None:
         from vsensor.sinks.log import LogSink
@@ -232,30 +220,10 @@ def _sinks(
         sinks.append(LogSink(options.log))
         stack.callback(sinks[-1].close)
     if options.trace is not None:
-        from vsensor.sinks.trace import TraceSink
-
-        vehicle = scenario.config.vehicle
-        sinks.append(
-            TraceSink(
-                options.trace,
-                front_axle_x_m=vehicle.wheelbase_m,
-                metadata=_told(scenario, line),
-                vehicle=vehicle,
-                camera=line.sensor.camera,
-            )
-        )
+        sinks.append(open_trace(options.trace, scenario, line))
         stack.callback(sinks[-1].close)
     if options.truth is not None:
-        from vsensor.sinks.truth_points import TruthSink
-
-        sinks.append(
-            TruthSink(
-                options.truth,
-                camera=line.sensor.camera,
-                every=options.truth_every,
-                metadata=_told(scenario, line),
-            )
-        )
+        sinks.append(open_truth(options.truth, scenario, line, every=options.truth_every))
         stack.callback(sinks[-1].close)
     if options.table and not options.fast:
         from vsensor.sinks.table import TableSink
@@ -263,18 +231,6 @@ def _sinks(
         sinks.append(TableSink())
         stack.callback(sinks[-1].close)
     return sinks
-
-
-def _told(scenario: Scenario, line: Line) -> dict[str, object]:
-    """Return what a trace says of its run."""
-    return {
-        "scenario": scenario.name,
-        "source": scenario.config.source,
-        "seed": scenario.config.seed,
-        "cycle_ms": scenario.config.cycle_ms,
-        "profile": line.profile.name,
-        "quantisation_m": {str(x): error for x, error in quantisation_error_m(line.profile).items()},
-    }
 
 
 def _tell_start(sinks: Sequence[Sink], epoch_ns: int) -> None:

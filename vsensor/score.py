@@ -26,7 +26,9 @@ from numpy.typing import NDArray
 from vsensor.types import SIDE_NAMES, Side, Unseen
 
 SCORED_RANGES_M = (10, 20, 50, 80)
-"""Where the lateral error is given, x in the ego frame."""
+"""Where `text` gives the lateral error, x in the ego frame."""
+ERROR_RANGES_M = (*SCORED_RANGES_M, 100)
+"""Where it is computed."""
 
 _RANGE_HEADER = (
     *("side", "range m", "5 %", "95 %", "true lines"),
@@ -41,24 +43,33 @@ Trace = Mapping[str, NDArray[Any]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorStats:
-    """`n` errors in metres: mean, population standard deviation, 95 % quantile of the absolute value."""
+    """`n` errors in metres: mean, population standard deviation, root mean square.
+
+    Of the absolute value the 95 % quantile and the largest.
+    """
 
     n: int
     mean_m: float
     std_m: float
+    rms_m: float
     abs_95_m: float
+    abs_max_m: float
 
     @classmethod
     def of(cls, errors_m: NDArray[Any]) -> "ErrorStats":
         """Return the statistics of errors (N,), those that are NaN left out."""
         known = errors_m[np.isfinite(errors_m)]
         if not known.size:
-            return cls(n=0, mean_m=math.nan, std_m=math.nan, abs_95_m=math.nan)
+            nothing = math.nan
+            return cls(n=0, mean_m=nothing, std_m=nothing, rms_m=nothing, abs_95_m=nothing, abs_max_m=nothing)
+        size = np.abs(known)
         return cls(
             n=int(known.size),
             mean_m=float(known.mean()),
             std_m=float(known.std()),
-            abs_95_m=float(np.quantile(np.abs(known), 0.95)),
+            rms_m=float(np.sqrt(np.mean(known**2))),
+            abs_95_m=float(np.quantile(size, 0.95)),
+            abs_max_m=float(size.max()),
         )
 
 
@@ -138,7 +149,7 @@ def _score(name: str, trace: Trace) -> SideScore:
         reported_true_rows=int((is_true & is_reported).sum()),
         predicted_true_rows=int((is_true & is_reported & (trace["measured"] == 0)).sum()),
         false_reports=int((is_reported & ~is_true).sum()),
-        error={x: ErrorStats.of(trace[f"y_{x}m"] - trace[f"truth_y_{x}m"]) for x in SCORED_RANGES_M},
+        error={x: ErrorStats.of(trace[f"y_{x}m"] - trace[f"truth_y_{x}m"]) for x in ERROR_RANGES_M},
         lane_offset=ErrorStats.of(trace["lane_offset_m"] - trace["truth_lane_offset_m"]),
         range_mean_m=float(x_max.mean()) if x_max.size else math.nan,
         range_5_m=quantiles[0],

@@ -10,7 +10,7 @@ from types import FrameType
 from typing import Any
 
 from vsensor.study.store import Cell, Result, Store, cell_key
-from vsensor.study.workers import Answer, on_cluster, on_processes
+from vsensor.study.workers import Answer, on_cluster, on_processes, on_this_process
 
 CellFunction = Callable[[dict[str, Any]], Mapping[str, Any]]
 """Computes a cell from nothing but its content; a function or frozen object of a module, to be pickled."""
@@ -53,9 +53,9 @@ def run_cells(
 ) -> Outcome:
     """Run `function` on every cell that has no result in `folder` yet.
 
-    `workers` local processes (all cores), or the Dask cluster at the address `scheduler`. A cell that
-    fails, or whose process dies twice, is a Failure; the others go on. Ctrl-C ends the work, finished
-    cells stay. Same results whatever the order and place: a result depends on the cell alone, and is
+    `workers` local processes (all cores; 0: in this one), or the Dask cluster at the address `scheduler`.
+    A cell that fails, or whose process dies twice, is a Failure; the others go on. Ctrl-C ends the work,
+    finished cells stay. Same results whatever the order and place: a result depends on the cell alone, and is
     returned as its file has it. Raises ConfigError, MissingExtraError.
     """
     store = Store(folder)
@@ -91,6 +91,8 @@ def _answers(
 ) -> Generator[Answer]:
     if todo and scheduler is not None:
         yield from on_cluster(function, todo, store, scheduler)
+    elif todo and workers == 0:
+        yield from on_this_process(function, todo, store)
     elif todo:
         yield from on_processes(function, todo, store, workers)
 

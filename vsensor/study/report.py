@@ -1,6 +1,6 @@
 """A sweep from its words to its folder: cells, table, picture."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -49,9 +49,9 @@ def sweep_scenario(name_or_path: str, options: SweepOptions, say: Callable[[str]
         workers=options.workers,
         progress=options.progress,
     )
-    lines = [_counted(outcome)]
+    lines = [counted(outcome)]
     if rows := table_rows(sweep, outcome):
-        lines = [*summary_lines(sweep, rows), *lines, *_tables(folder, rows)]
+        lines = [*summary_lines(sweep, rows), *lines, *write_tables(folder, "table", rows)]
         lines += [] if outcome.interrupted else _picture(folder, sweep, rows)
     if outcome.interrupted:
         lines.append("stopped; the same command goes on with the rest")
@@ -67,23 +67,24 @@ def sweep_scenario(name_or_path: str, options: SweepOptions, say: Callable[[str]
     )
 
 
-def _counted(outcome: Outcome) -> str:
+def counted(outcome: Outcome, what: str = "cells") -> str:
+    """Return how many are finished, were before, and failed."""
     failed = f", {len(outcome.failures)} failed" if outcome.failures else ""
     return (
-        f"{outcome.finished} of {len(outcome.results)} cells finished, "
+        f"{outcome.finished} of {len(outcome.results)} {what} finished, "
         f"{outcome.reused} of them before this run{failed}"
     )
 
 
-def _tables(folder: Path, rows: list[Row]) -> list[str]:
-    """Write what can be; returns what was written, and what an extra would add."""
-    write_csv(folder / "table.csv", rows)
-    csv_line = f"wrote {folder / 'table.csv'}"
+def write_tables(folder: Path, name: str, rows: Sequence[Row]) -> list[str]:
+    """Write NAME.csv and NAME.parquet, what can be; returns what was written, and what an extra would add."""
+    write_csv(folder / f"{name}.csv", rows)
+    csv_line = f"wrote {folder / f'{name}.csv'}"
     try:
-        write_parquet(folder / "table.parquet", rows)
+        write_parquet(folder / f"{name}.parquet", rows)
     except MissingExtraError as error:
         return [csv_line, str(error)]
-    return [csv_line, f"wrote {folder / 'table.parquet'}"]
+    return [csv_line, f"wrote {folder / f'{name}.parquet'}"]
 
 
 def _picture(folder: Path, sweep: Sweep, rows: list[Row]) -> list[str]:

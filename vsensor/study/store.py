@@ -67,6 +67,13 @@ class Store:
         except OSError as error:
             raise ConfigError(f"{self.folder}: cannot be read: {error.strerror or error}") from None
 
+    def forget(self, key: str) -> None:
+        """Let a cell be unfinished again."""
+        try:
+            (self.folder / f"{key}.json").unlink(missing_ok=True)
+        except OSError as error:
+            raise ConfigError(f"{self.folder}: cannot be written: {error.strerror or error}") from None
+
     def write(self, key: str, content: bytes) -> None:
         """Keep what `encoded` returned: written beside its place and moved there, so a file is whole."""
         beside = self.folder / f".{key}.{os.getpid()}.part"

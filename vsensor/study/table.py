@@ -75,13 +75,18 @@ def summary_lines(sweep: Sweep, rows: Sequence[Row]) -> list[str]:
         means[-1] *= 100
         lines.append([*json.loads(key), *map(_shown, means, forms)])
     text = [[_word(cell) for cell in line] for line in lines]
-    widths = [max(len(line[k]) for line in text) for k in range(len(header))]
     seeds = len(set(sweep.seeds))
     part = "the finished runs of " * (sum(row["side"] == POOLED for row in rows) < len(sweep.cells))
     return [
         f"95 % of the lateral error |e| in m, all lines, mean over {part}{seeds} seed{'s' * (seeds > 1)}",
-        *("  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)) for line in text),
+        *aligned(text),
     ]
+
+
+def aligned(lines: Sequence[Sequence[str]]) -> list[str]:
+    """Return rows of words as lines, every column to the right."""
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return ["  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)) for line in lines]
 
 
 def mean_known(values: Sequence[float | None]) -> float:

@@ -50,16 +50,17 @@ def grid(varied: Mapping[str, Sequence[Any]]) -> Iterator[Settings]:
         yield dict(zip(varied, choice, strict=True))
 
 
-def scenario_with(name_or_path: str, settings: Mapping[str, Any]) -> Scenario:
+def scenario_with(name_or_path: str, settings: Mapping[str, Any], told_by: str = "--vary") -> Scenario:
     """Load a scenario with dotted keys set; a number in a key is a place in a list (`traffic.0.kind`).
 
-    Raises ConfigError as for a scenario file: an unknown key is named with the nearest known one.
+    Raises ConfigError as for a scenario file: an unknown key is named with the nearest known one; `told_by`
+    says where the settings come from.
     """
     path = load_scenario(name_or_path).path
     data = read_toml(path) if path is not None else {}
     changed = copy.deepcopy(data)
     for key, value in settings.items():
-        _set(changed, key, value)
+        _set(changed, key, value, told_by)
     return load_scenario(name_or_path, {top: changed[top] for top in {key.split(".")[0] for key in settings}})
 
 
@@ -119,29 +120,30 @@ def _range(text: str, part: str) -> list[int | float]:
     return [int(v) if are_whole else float(v) for v in (start + k * step for k in range(count))]
 
 
-def _set(data: Any, key: str, value: Any) -> None:
+def _set(data: Any, key: str, value: Any, told_by: str) -> None:
     *parents, last = key.split(".")
     place, said = data, ""
+    where = f"{told_by} {key}"
     for part in parents:
-        place = _inner(place, part, said, key)
+        place = _inner(place, part, said, where)
         said = f"{said}.{part}" if said else part
     if isinstance(place, list):
-        place[_index(place, last, said, key)] = value
+        place[_index(place, last, said, where)] = value
     elif isinstance(place, dict):
         place[last] = value
     else:
-        raise ConfigError(f"--vary {key}: {said} is no section")
+        raise ConfigError(f"{where}: {said} is no section")
 
 
-def _inner(place: Any, part: str, said: str, key: str) -> Any:
+def _inner(place: Any, part: str, said: str, where: str) -> Any:
     if isinstance(place, list):
-        return place[_index(place, part, said, key)]
+        return place[_index(place, part, said, where)]
     if isinstance(place, dict):
         return place.setdefault(part, {})
-    raise ConfigError(f"--vary {key}: {said} is no section")
+    raise ConfigError(f"{where}: {said} is no section")
 
 
-def _index(place: Sequence[Any], part: str, said: str, key: str) -> int:
+def _index(place: Sequence[Any], part: str, said: str, where: str) -> int:
     if not part.isdecimal() or int(part) >= len(place):
-        raise ConfigError(f"--vary {key}: {said} has {len(place)} entries, counted from 0")
+        raise ConfigError(f"{where}: {said} has {len(place)} entries, counted from 0")
     return int(part)

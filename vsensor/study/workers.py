@@ -94,6 +94,16 @@ def on_processes(
         yield from _one_by_one(attempt, {key: left.pop(key) for key in sorted(under_way)})
 
 
+def on_this_process(
+    function: Callable[[dict[str, Any]], Mapping[str, Any]], todo: Mapping[str, Cell], store: Store
+) -> Iterator[Answer]:
+    """Yield the answers of the cells one after the other: for what there is only one of, such as a bus."""
+    attempt = Attempt(function, store.folder)
+    for key, cell in todo.items():
+        content, error = attempt(key, cell)
+        yield Answer(key=key, result=decoded(content), error=error)
+
+
 def _one_by_one(attempt: Attempt, suspects: dict[str, Cell]) -> Generator[Answer]:
     while suspects:
         under_way: set[str] = set()
