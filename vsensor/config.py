@@ -19,6 +19,7 @@ from vsensor.schema import Config, check_schema, convert, read_toml, user_path
 from vsensor.sensor import SensorConfig
 from vsensor.signals import VehicleConfig
 from vsensor.sources import LOG_SUFFIXES, MAP_SUFFIXES
+from vsensor.sources.departing import DepartureConfig
 from vsensor.sources.drive import DriveConfig
 from vsensor.sources.listening import ListenConfig
 from vsensor.sources.map_drive import EgoConfig
@@ -61,6 +62,7 @@ class ScenarioConfig(Config, frozen=True, kw_only=True):
     environment: EnvironmentConfig = EnvironmentConfig()
     listen: ListenConfig = ListenConfig()
     dynamics: DynamicsConfig = DynamicsConfig()
+    departure: DepartureConfig = DepartureConfig()
     drive: DriveConfig = DriveConfig()
     road: LaidRoadConfig = LaidRoadConfig()
     vehicle: VehicleConfig = VehicleConfig()

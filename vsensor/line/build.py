@@ -66,8 +66,16 @@ def build_source(scenario: Scenario) -> Source:
     )
     if config.ego.control == "lane" and not config.listen.profiles:
         return drive
-    wheelbase_m = config.vehicle.wheelbase_m
-    return LiveDrive.load(drive, config.ego, config.listen, config.dynamics, wheelbase_m, scenario.folder)
+    return LiveDrive.load(
+        drive,
+        config.ego,
+        config.listen,
+        config.dynamics,
+        config.vehicle.wheelbase_m,
+        scenario.folder,
+        config.departure,
+        config.vehicle.width_m,
+    )
 
 
 def _require_lane(config: ScenarioConfig) -> None:

@@ -25,6 +25,14 @@ class Indicator(IntEnum):
     BOTH = 3
 
 
+class LaneWarning(IntEnum):
+    """Lane departure warning of an ECU; numbers are those of vehicle.dbc."""
+
+    NONE = 0
+    LEFT = 1
+    RIGHT = 2
+
+
 class Wiper(IntEnum):
     """Wiper of the windscreen; numbers are those of vehicle.dbc."""
 
@@ -121,6 +129,9 @@ QUANTITIES: Mapping[str, Quantity] = {
     ),
     "ego.steering_request_rad": Quantity(
         unit="rad", meaning="angle of the front wheels that an ECU asks for, positive to the left"
+    ),
+    "ego.lane_warning": Quantity(
+        unit="", meaning="side on which an ECU warns of leaving the lane", codes=LaneWarning
     ),
     "ego.x_m": Quantity(unit="m", meaning="x (east) of the vehicle in the world, rear axle, on the road"),
     "ego.y_m": Quantity(unit="m", meaning="y (north) of the vehicle in the world"),

@@ -4,7 +4,8 @@
     frames                 values, times              x, y, yaw            road below, what is near
 
 `[ego] control`: "motion" integrates speed and yaw rate, "pose" takes the pose itself, "steering" drives a
-single-track vehicle, "lane" follows the lane as without a bus and listens to light and rain alone.
+single-track vehicle, "departure" does so once the vehicle drifts out of its lane, "lane" follows the lane as
+without a bus and listens to light and rain alone.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,9 +14,11 @@ from math import cos, isfinite, pi, remainder
 from pathlib import Path
 from typing import Any
 
+from vsensor.errors import ConfigError
 from vsensor.profile import RAIN_OF_WIPER, Wiper
 from vsensor.sources import Inputs
 from vsensor.sources.control import Control, Motion, Pose, Tilt
+from vsensor.sources.departing import DepartureConfig, DepartureControl, drift_of
 from vsensor.sources.listening import ListenConfig, Listened, Listener, News
 from vsensor.sources.map_drive import EgoConfig, MapDrive
 from vsensor.sources.placing import FARTHEST_M, Foot, Ground
@@ -72,6 +75,8 @@ class LiveDrive:
         dynamics: DynamicsConfig,
         wheelbase_m: float,
         folder: Path = Path(),
+        departure: DepartureConfig | None = None,
+        width_m: float = 1.85,
     ) -> "LiveDrive":
         """Load the profiles and build the control; raises ConfigError, DbcError."""
         _, steers_by, _, steering = steering_inputs(listen)
@@ -80,6 +85,7 @@ class LiveDrive:
             "motion": (MotionControl.needs, MotionControl.wanted),
             "pose": (PoseControl.needs, PoseControl.wanted),
             "steering": (steers_by, steering),
+            "departure": (steers_by, steering),
         }[ego.control]
         environment = ENVIRONMENT if listen.environment else ()
         listener = Listener.load(listen, folder, (*wanted, *environment, INDICATOR))
@@ -92,6 +98,14 @@ class LiveDrive:
         elif ego.control == "steering":
             vehicle = SingleTrack.of(dynamics, wheelbase_m)
             control = SteeringControl(listen, vehicle, dynamics.steering_ratio, drive.speed_mps)
+        elif ego.control == "departure":
+            departure = departure or DepartureConfig()
+            if ego.offset_m != 0.0:
+                raise ConfigError('ego.offset_m: with control = "departure" [departure] says where it drives')
+            drive.drift(drift_of(drive, departure, wheelbase_m, width_m))
+            vehicle = SingleTrack.of(dynamics, wheelbase_m)
+            steering_of = SteeringControl(listen, vehicle, dynamics.steering_ratio, drive.speed_mps)
+            control = DepartureControl(drive, departure, vehicle, steering_of)
         return cls(drive, listener, control)
 
     @property

@@ -2,7 +2,7 @@
 
 from math import atan2, floor, hypot, inf
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Protocol
 
 import msgspec
 import numpy as np
@@ -42,7 +42,7 @@ class EgoConfig(Config, frozen=True, kw_only=True):
     lane_type: str = "driving"
     speed_kmh: Points = 100.0
     offset_m: Points = 0.0
-    control: Literal["lane", "motion", "pose", "steering"] = "lane"
+    control: Literal["lane", "motion", "pose", "steering", "departure"] = "lane"
 
     def corridor(self) -> CorridorConfig:
         """Return where the corridor begins and which way it goes.
@@ -60,6 +60,14 @@ class EgoConfig(Config, frozen=True, kw_only=True):
             route=self.route,
             lane_type=self.lane_type,
         )
+
+
+class Offsets(Protocol):
+    """An offset from the lane's middle over time."""
+
+    def derivatives(self, t_s: float) -> tuple[float, float, float]:
+        """Return value, first and second time derivative at `t_s`."""
+        ...
 
 
 class MapDrive:
@@ -84,8 +92,9 @@ class MapDrive:
         self._speed = LinearProfile.of(ego.speed_kmh, "ego.speed_kmh", MPS_PER_KMH)
         if min(self._speed.values) < 0.0 or max(self._speed.values) > 150.0:
             raise ConfigError("ego.speed_kmh: values from 0 to 540 km/h were expected")
-        self._offset = SmoothProfile.of(ego.offset_m, "ego.offset_m")
-        if max(map(abs, self._offset.values)) > 20.0:
+        offset = SmoothProfile.of(ego.offset_m, "ego.offset_m")
+        self._offset: Offsets = offset
+        if max(map(abs, offset.values)) > 20.0:
             raise ConfigError("ego.offset_m: at most 20 m to either side were expected")
         shapes = Shapes(folder)
         self._vehicles = tuple(vehicle(config, number, shapes) for number, config in enumerate(traffic))
@@ -175,6 +184,14 @@ class MapDrive:
     def speed_mps(self, t_s: float) -> float:
         """Return the speed that the scenario gives at a time."""
         return self._speed.value(t_s)
+
+    def ego(self, t_s: float) -> EgoState:
+        """Return the vehicle at a time, wherever the road ends."""
+        return self._ego(round(t_s * 1e9), t_s, self._speed.integral(t_s))
+
+    def drift(self, offset: Offsets) -> None:
+        """Let the vehicle's offset from the lane's middle be another one."""
+        self._offset = offset
 
     def _ego(self, t_ns: int, t_s: float, s_m: float) -> EgoState:
         """Return the ego's pose: the lane's plus the offset, its heading turned into the path's direction.

@@ -71,13 +71,16 @@ class SteeringControl:
             else 0.0,
         )
 
-    def angle(self, listened: Listened, before_first: float = 0.0) -> float:
-        """Return the angle of the front wheels; `before_first`: before the first request."""
+    def angle(self, listened: Listened, before_first: float = 0.0, unasked: float = 0.0) -> float:
+        """Return the angle of the front wheels.
+
+        `before_first`: before the first request; `unasked`: without one since, or with one that is too old.
+        """
         last = listened.quantities.get(self._steering)
         if last is None:
             return before_first
         if last.is_lost or listened.now_ns - last.t_ns > self._hold_ns:
-            return 0.0
+            return unasked
         angle = last.value / (self._ratio if self._steering == WHEEL else 1.0)
         return min(max(angle, -LARGEST_STEERING_RAD), LARGEST_STEERING_RAD)
 
