@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import NoReturn
 
-from vsensor.cli import examining, learning, logs, playing, profiles, roads, scanning, scenarios
+from vsensor.cli import examining, experiments, learning, logs, playing, profiles, roads, scanning, scenarios
 from vsensor.errors import VsensorError
 
 COMMANDS = (
@@ -21,6 +21,7 @@ COMMANDS = (
     scenarios.add_score,
     logs.add_accept,
     scenarios.add_sweep,
+    experiments.add_experiment,
     playing.add_replay,
     playing.add_gateway,
     scanning.add_scan,
