@@ -707,7 +707,7 @@ def test_output_onto_a_full_disk_is_one_line(tmp_path, words):
     assert_one_line(done.stderr, "standard output", "No space left")
 
 
-COMMANDS = "run check decode convert log score accept sweep replay gateway scan table"
+COMMANDS = "run check decode convert log score accept sweep experiment replay gateway scan table"
 LEARNING = "density influence tune validate"
 
 

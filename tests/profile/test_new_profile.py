@@ -68,7 +68,7 @@ def test_the_skeleton_of_our_own_database_sends_what_the_shipped_profile_sends(t
 
 @pytest.mark.parametrize(
     ("database", "shipped", "unknown"),
-    [("p2", "p2", set()), ("vehicle", "vehicle", {"ego.steering_request_rad"})],
+    [("p2", "p2", set()), ("vehicle", "vehicle", {"ego.steering_request_rad", "ego.lane_warning"})],
 )
 def test_the_other_databases_of_ours_are_guessed_whole(tmp_path, database, shipped, unknown):
     _, guessed = skeleton(tmp_path, OURS / f"{database}.dbc")

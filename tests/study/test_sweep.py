@@ -18,9 +18,11 @@ from vsensor.cli import main
 from vsensor.config import SHIPPED
 from vsensor.score import score_trace
 from vsensor.sinks.trace import read_trace
+from vsensor.study import scenario_cells
 from vsensor.study import sweep as module
+from vsensor.study.scenario_cells import figures
 from vsensor.study.store import cell_key
-from vsensor.study.sweep import figures, make_sweep
+from vsensor.study.sweep import make_sweep
 
 ROOT = Path(__file__).parents[2]
 VARY = ["--vary", "camera.width_px=320,1280"]
@@ -194,7 +196,7 @@ def test_a_cell_depends_on_the_files_that_its_scenario_names(tmp_path):
 
 def test_a_cell_depends_on_the_program(tmp_path, monkeypatch):
     before = keys("highway")
-    monkeypatch.setattr(module, "program_digest", lambda: "another")
+    monkeypatch.setattr(scenario_cells, "program_digest", lambda: "another")
     assert keys("highway") != before
 
 
