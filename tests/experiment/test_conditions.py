@@ -13,6 +13,7 @@ from vsensor.experiment.conditions import (
 )
 from vsensor.score import ERROR_RANGES_M, ErrorStats
 from vsensor.session import Session
+from vsensor.signals import VehicleConfig
 from vsensor.sinks.trace_file import COLUMNS
 from vsensor.study.scenario_cells import TraceInMemory
 from vsensor.types import Side
@@ -112,7 +113,7 @@ def drive():
         "traffic": [{"kind": "truck", "ahead_m": 25, "lanes_left": -1}],
         "ego": {"road": "1", "lane": -3, "speed_kmh": 90},
     }
-    memory, sink = TraceInMemory(2.8), ConditionSink()
+    memory, sink = TraceInMemory(VehicleConfig()), ConditionSink()
     with Session("highway", overrides=told) as session:
         for _ in range(15):
             output = session.step()

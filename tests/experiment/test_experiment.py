@@ -25,7 +25,7 @@ about = "How wide <must> the camera see?"
 scenarios = ["highway"]
 seeds = 2
 duration_s = 0.4
-outputs = ["trace", "log", "images"]
+outputs = ["trace", "truth", "log", "images"]
 image_every = 5
 [settings]
 camera.width_px = [320, 640]
@@ -80,6 +80,8 @@ def test_each_run_has_its_trace_log_and_images_in_a_folder_of_its_own(done):
     assert sorted(runs) == sorted(path.name for path in (folder / "runs").iterdir())
     for run in runs:
         assert len(np.unique(read_trace(folder / "runs" / run / "trace.parquet")["tick"])) == 10
+        truth = polars.read_parquet(folder / "runs" / run / "truth.parquet")
+        assert truth["tick"].n_unique() == 10
         with can.LogReader(folder / "runs" / run / "bus.blf") as log:
             assert sum(1 for _ in log) == 130
         images = sorted(path.name for path in (folder / "runs" / run / "images").iterdir())
@@ -209,7 +211,7 @@ def test_without_outputs_a_run_leaves_no_folder(small):
     [
         (["absent.toml"], ["absent.toml", "no such file"]),
         (["absent"], ["absent", "shipped experiment"]),
-        (["p3", "--outputs", "trace,lgo"], ["--outputs lgo", "trace, log, images"]),
+        (["p3", "--outputs", "trace,lgo"], ["--outputs lgo", "trace, truth, log, images"]),
         (["p3", "--workers", "0"], ["0", "from 1"]),
         (["p3", "--out", "/dev/null/x"], ["/dev/null/x", "cannot be made"]),
         ([], ["MATRIX"]),

@@ -21,7 +21,7 @@ MATRIX.toml:
   scenarios = ["highway", "mine.toml", "town.xodr"]       files, or shipped names
   seeds = 3                                               from each scenario's on; or a list
   duration_s = 20
-  outputs = ["trace", "log", "images"]                    of each run, in a folder of its own
+  outputs = ["trace", "truth", "log", "images"]           of each run, in a folder of its own
   [settings]                                              every combination of the values of all keys
   environment.light = ["day", "night"]
   [[variant]]                                             settings that go together
@@ -65,7 +65,9 @@ def add_experiment(commands: Commands) -> None:
     added.add_argument("matrix", metavar="MATRIX", help="matrix file or shipped name")
     added.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (experiment_NAME)")
     added.add_argument(
-        "--outputs", metavar="KINDS", help="kept of each run: trace,log,images; '' nothing (the matrix's)"
+        "--outputs",
+        metavar="KINDS",
+        help="kept of each run: trace,truth,log,images; '' none (the matrix's)",
     )
     added.add_argument("--duration", type=positive, metavar="S", help="of each run (the matrix's)")
     added.add_argument(

@@ -1,11 +1,11 @@
-"""What an error may depend on: radius, gap, speed, what hides the line, light and rain; errors by each.
+"""What an error may depend on: radius, gap, speed, what hides the line, light, rain, fog; errors by each.
 
 For every tick and side of a trace, at each range x of ERROR_RANGES_M:
 
 - *radius*: of the true line at x, from the curvature of its best cubic there.
 - *gap*: the longest stretch without paint that begins between the vehicle and x.
 - *hidden*: the share of the line's paint between the vehicle and x that other vehicles hide.
-- *speed*, *light*, *rain*: at the tick.
+- *speed*, *light*, *rain*, *visibility*: at the tick.
 """
 
 import itertools
@@ -70,19 +70,22 @@ AXES = (
         edges=(0.0, 1e-9, 0.35, 0.75, 1.01),
         labels=("0", "to 0.35", "to 0.75", "to 1"),
     ),
+    Axis(
+        name="visibility",
+        title="visibility in fog, m",
+        edges=(0.0, 50.0, 100.0, 200.0, 1000.0, 2.0 * FAR),
+        labels=("0 to 50", "50 to 100", "100 to 200", "200 to 1000", "clear"),
+    ),
 )
 """In the order of the report."""
 
 _ROW = np.dtype(
-    [
-        *(("tick", np.int64), ("side", np.uint8), ("light", np.float64), ("rain", np.float64)),
-        *(("gap", np.float64, len(_X)), ("hidden", np.float64, len(_X))),
-    ]
+    [("tick", np.int64), ("side", np.uint8), ("gap", np.float64, len(_X)), ("hidden", np.float64, len(_X))]
 )
 
 
 class ConditionSink:
-    """A sink that keeps light, rain, gaps and what is hidden, for each tick and side with a true line."""
+    """A sink that keeps gaps and what is hidden, for each tick and side with a true line."""
 
     def __init__(self) -> None:
         self._rows: list[tuple[Any, ...]] = []
@@ -90,20 +93,13 @@ class ConditionSink:
     def write(self, output: Output) -> None:
         """Keep the rows of one tick."""
         candidates, observation = output.observation.candidates, output.observation
-        environment = output.snapshot.scene.environment
-        starts = candidates.starts
         for side, k in true_sides(candidates, output.snapshot).items():
-            a, b = int(starts[k]), int(starts[k + 1])
+            a, b = int(candidates.starts[k]), int(candidates.starts[k + 1])
             marking = output.snapshot.scene.markings[int(candidates.marking[k])]
             painted = marking.painted[candidates.index[a:b]]
             x = candidates.points_ego_m[a:b, 0]
             hidden = observation.reason[a:b] == Unseen.OCCLUDED
-            self._rows.append(
-                (
-                    *(output.tick.index, side, float(environment.light), environment.rain),
-                    *(gaps_m(x, painted), shares(x, painted, hidden)),
-                )
-            )
+            self._rows.append((output.tick.index, side, gaps_m(x, painted), shares(x, painted, hidden)))
 
     def close(self) -> None:
         """Nothing to close."""
@@ -114,14 +110,15 @@ class ConditionSink:
         found = {axis.name: np.full((len(trace["tick"]), len(_X)), np.nan) for axis in AXES}
         found["radius"] = radii_m(trace)
         found["speed"][:] = KMH_PER_MPS * np.abs(trace["speed_mps"])[:, None]
+        found["light"][:] = trace["light"][:, None]
+        found["rain"][:] = trace["rain"][:, None]
+        found["visibility"][:] = np.minimum(trace["visibility_m"], FAR)[:, None]
         if len(kept):
             kept = kept[np.lexsort((kept["side"], kept["tick"]))]
             keys = kept["tick"] * len(Side) + kept["side"]
             wanted = trace["tick"] * len(Side) + trace["side"]
             place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
             known = keys[place] == wanted
-            for name in ("light", "rain"):
-                found[name][known] = kept[name][place[known], None]
             found["gap"][known] = kept["gap"][place[known]]
             found["hidden"][known] = 100.0 * kept["hidden"][place[known]]
         return found

@@ -16,8 +16,8 @@ from vsensor.study.vary import MOST_CELLS, Settings, grid, scenario_with
 SCHEMA = "vsensor.experiment/1"
 SHIPPED = Path(__file__).parent / "shipped"
 
-Kept = Literal["trace", "log", "images"]
-KEPT: tuple[Kept, ...] = ("trace", "log", "images")
+Kept = Literal["trace", "truth", "log", "images"]
+KEPT: tuple[Kept, ...] = ("trace", "truth", "log", "images")
 """What a run may leave in a folder of its own."""
 
 _Seed = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]

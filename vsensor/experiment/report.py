@@ -15,7 +15,7 @@ from vsensor.experiment.plan import Plan, clear_parts, forget_incomplete, make_p
 from vsensor.experiment.runs import FILES
 from vsensor.experiment.tables import Broken, judged, require_columns, run_rows, short_table, side_rows
 from vsensor.image import import_opencv
-from vsensor.sinks.trace_file import writer_for
+from vsensor.sinks.rows import writer_for
 from vsensor.study.cells import Outcome, run_cells
 from vsensor.study.report import counted, write_tables
 from vsensor.study.store import Store
@@ -122,7 +122,7 @@ def _outputs(matrix: Matrix, options: ExperimentOptions) -> tuple[str, ...]:
     for kind in outputs:
         if kind not in KEPT:
             raise ConfigError(f"--outputs {kind}: {', '.join(KEPT)} were expected")
-    if "trace" in outputs:
+    if {"trace", "truth"} & set(outputs):
         writer_for(Path(FILES["trace"]))
     if "images" in outputs:
         import_opencv("outputs = images")

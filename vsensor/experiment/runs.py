@@ -22,7 +22,7 @@ from vsensor.experiment.course import CourseSink, loop_figures, told
 from vsensor.experiment.ecu import bench
 from vsensor.line import Line, build_line, tick_count
 from vsensor.runner import FrameBus, Summary, run_loop
-from vsensor.runner.outputs import open_images, open_trace
+from vsensor.runner.outputs import open_images, open_trace, open_truth
 from vsensor.score import Trace, score_trace
 from vsensor.sinks import Sink
 from vsensor.sinks.log import LogSink
@@ -34,7 +34,12 @@ from vsensor.types import Frame
 
 START_UP_NS = 200_000_000
 
-FILES: Mapping[str, str] = {"trace": "trace.parquet", "log": "bus.blf", "images": "images"}
+FILES: Mapping[str, str] = {
+    "trace": "trace.parquet",
+    "truth": "truth.parquet",
+    "log": "bus.blf",
+    "images": "images",
+}
 """What is kept -> its name in the run's folder."""
 
 
@@ -79,7 +84,7 @@ def run(
     """
     line = build_line(scenario)
     width_m = scenario.config.vehicle.width_m
-    memory, conditions = TraceInMemory(scenario.config.vehicle.wheelbase_m), ConditionSink()
+    memory, conditions = TraceInMemory(scenario.config.vehicle), ConditionSink()
     period_ns = scenario.config.cycle_ms * 1_000_000
     course = _course(scenario, line)
     with contextlib.ExitStack() as stack:
@@ -186,6 +191,8 @@ def _kept(
     """Open what is to be kept of a run, one after the other."""
     if "trace" in outputs:
         yield open_trace(folder / FILES["trace"], scenario, line)
+    if "truth" in outputs:
+        yield open_truth(folder / FILES["truth"], scenario, line)
     if "log" in outputs:
         yield LogSink(folder / FILES["log"])
     if "images" in outputs:
