@@ -92,7 +92,7 @@ def test_the_sensor_gets_every_section_that_it_has(folder):
     ("text", "says"),
     [
         ('source = "maps/there.xodr"', "no such file"),
-        ('source = "maps"', "expected a map or log"),
+        ('source = "maps"', "expected a map, storyboard or log"),
         ("seed = 1", "source"),
         ('source = "maps/here.xodr"\n[ego]\nspeed_kmh = nan', "ego.speed_kmh = nan"),
         ('source = "maps/here.xodr"\n[ego]\noffset_m = [[0, 0], [1, inf]]', r"ego.offset_m\[1\]\[1\] = inf"),

@@ -85,6 +85,10 @@ def folder(tmp_path_factory):
         name = re.match(r"# (\S+\.toml)\n", block)
         assert name, f"a toml block without its name:\n{block}"
         (path / name[1]).write_text(block, encoding="utf-8")
+    for block in blocks("xml"):
+        name = re.match(r"<!-- (\S+\.xosc) -->\n", block)
+        assert name, f"an xml block without its name:\n{block}"
+        (path / name[1]).write_text(block, encoding="utf-8")
     make_logs(path)
     return path
 
@@ -227,6 +231,8 @@ def default_shown(field):
     if field.required:
         return "required"
     default = field.default
+    if default is msgspec.NODEFAULT:
+        default = field.default_factory()
     if default is None:
         return "-"
     return list(default) if isinstance(default, tuple) else default

@@ -18,12 +18,13 @@ from vsensor.scene import SceneConfig
 from vsensor.schema import Config, check_schema, convert, read_toml, user_path
 from vsensor.sensor import SensorConfig
 from vsensor.signals import VehicleConfig
-from vsensor.sources import LOG_SUFFIXES, MAP_SUFFIXES
+from vsensor.sources import LOG_SUFFIXES, MAP_SUFFIXES, STORY_SUFFIXES
 from vsensor.sources.departing import DepartureConfig
 from vsensor.sources.drive import DriveConfig
 from vsensor.sources.listening import ListenConfig
 from vsensor.sources.map_drive import EgoConfig
 from vsensor.sources.standing import ObstacleConfig
+from vsensor.sources.storyboard import StoryboardConfig
 from vsensor.sources.traffic import TrafficConfig
 from vsensor.sources.weather import EnvironmentConfig
 from vsensor.state import StateConfig
@@ -35,6 +36,7 @@ from vsensor.world.vehicle import DynamicsConfig
 SCHEMA = "vsensor.scenario/1"
 SHIPPED = Path(__file__).parent / "scenarios"
 DEFAULT_SCENARIO = "highway"
+SOURCE_SUFFIXES = (*MAP_SUFFIXES, *STORY_SUFFIXES, *LOG_SUFFIXES)
 
 
 class BusConfig(Config, frozen=True, kw_only=True):
@@ -65,6 +67,7 @@ class ScenarioConfig(Config, frozen=True, kw_only=True):
     departure: DepartureConfig = DepartureConfig()
     drive: DriveConfig = DriveConfig()
     road: LaidRoadConfig = LaidRoadConfig()
+    storyboard: StoryboardConfig = StoryboardConfig()
     vehicle: VehicleConfig = VehicleConfig()
     camera: CameraConfig = CameraConfig()
     motion: MotionConfig = MotionConfig()
@@ -117,7 +120,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def load_scenario(name_or_path: str | None = None, overrides: dict[str, Any] | None = None) -> Scenario:
-    """Load a shipped scenario by name, a scenario file, or a bare map, road or log with default settings.
+    """Load a shipped scenario by name, a scenario file, or a bare map, road, storyboard or log as it is.
 
     `overrides` are top-level keys that the command line sets. Raises ConfigError naming file and key.
     """
@@ -154,26 +157,32 @@ def _find(name_or_path: str) -> Path:
 
 
 def _parse(data: dict[str, Any], overrides: dict[str, Any] | None, where: str) -> ScenarioConfig:
-    return convert({**data, **(overrides or {})}, ScenarioConfig, where)
+    """Convert with `overrides` put over the file's keys, key by key where both hold a table."""
+    merged = dict(data)
+    for key, value in (overrides or {}).items():
+        below = merged.get(key)
+        merged[key] = {**below, **value} if isinstance(value, dict) and isinstance(below, dict) else value
+    return convert(merged, ScenarioConfig, where)
 
 
 def _check_source(scenario: Scenario, path: Path) -> None:
     source = scenario.source
     if not _is_source(source) and (source.suffix.lower() != ".toml" or source.is_file()):
-        known = " ".join((*MAP_SUFFIXES, *LOG_SUFFIXES))
+        known = " ".join(SOURCE_SUFFIXES)
         raise ConfigError(
-            f"{path}: source = {scenario.config.source!r}: expected a map or log ({known}) or a road (.toml)"
+            f"{path}: source = {scenario.config.source!r}: "
+            f"expected a map, storyboard or log ({known}) or a road (.toml)"
         )
     _require_file(source, f"{path}: source = {scenario.config.source!r}")
 
 
 def _is_source(path: Path) -> bool:
-    """Return whether a drive can come from a file: a map, a road file, a log."""
-    return path.suffix.lower() in (*MAP_SUFFIXES, *LOG_SUFFIXES) or is_road_file(path)
+    """Return whether a drive can come from a file: a map, a road file, a storyboard, a log."""
+    return path.suffix.lower() in SOURCE_SUFFIXES or is_road_file(path)
 
 
 def _require_file(path: Path, where: str) -> None:
     if path.is_dir():
-        raise ConfigError(f"{where}: is a folder, a map or log was expected")
+        raise ConfigError(f"{where}: is a folder, a map, storyboard or log was expected")
     if not path.is_file():
         raise ConfigError(f"{where}: no such file" + (f": {path}" if where != str(path) else ""))

@@ -16,6 +16,10 @@ class MapError(VsensorError):
     """A road map is broken: names the file, the element and its line."""
 
 
+class StoryError(VsensorError):
+    """An OpenSCENARIO file cannot be played: names the file, the element and its line."""
+
+
 class LogError(VsensorError):
     """A CAN log cannot be used: names the file, the place and the reason."""
 

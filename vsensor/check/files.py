@@ -25,6 +25,7 @@ from vsensor.profile import load_profile, shipped_profiles
 from vsensor.runner import STAGES, run_loop
 from vsensor.schema import read_toml, user_path
 from vsensor.sources import LOG_SUFFIXES, MAP_SUFFIXES
+from vsensor.sources.storyboard import StoryDrive
 from vsensor.types import EgoState, Tick
 from vsensor.world.corridor import Corridor
 from vsensor.world.opendrive import load_map
@@ -155,11 +156,17 @@ def _optics(camera: Camera) -> str:
     return ", ".join([*words, f"occlusion {config.occlusion}"])
 
 
+def _others(scenario: Scenario, line: Line) -> int:
+    """Return how many vehicles are beside the one with the sensor."""
+    source = line.source
+    return source.others if isinstance(source, StoryDrive) else len(scenario.config.traffic)
+
+
 def _model_lines(scenario: Scenario, line: Line) -> list[str]:
     """Say which models are on, and measure what they cost over the first ticks."""
     config = scenario.config
     models = {
-        "world": f"{len(config.traffic)} vehicles" if config.traffic else "no traffic",
+        "world": f"{others} vehicles" if (others := _others(scenario, line)) else "no traffic",
         "camera": _optics(line.sensor.camera),
         "region+error": f"range by speed {'on' if config.region.enabled else 'off'}, "
         f"errors {config.error_model.mode}",

@@ -16,13 +16,14 @@ Run a scenario and send its lane frames on a fixed cycle.
   vsensor run --bus socketcan:can0        the same on real hardware
   vsensor run mine.toml --log out.blf --trace out.npz
   vsensor run town.xodr --fast --duration 60 --trace town.csv     a bare map, as quickly as it goes
+  vsensor run cut_in.xosc --fast          OpenSCENARIO: its storyboard drives, its Ego carries the sensor
   vsensor run drive.log --profile native  a recorded drive: the road is laid along the driven path
 """
 
 CHECK_HELP = """\
 Load everything that FILE needs, say which models are on and what they cost, audit the DBC, send nothing.
 
-FILE is a scenario (.toml), a profile (.toml), a map (.xodr), a DBC (.dbc), a CAN log, or the name of a
+FILE is a scenario (.toml, .xosc), a profile (.toml), a map (.xodr), a DBC (.dbc), a CAN log, or the name of a
 shipped scenario or profile. Exit 1 if the audit found something that an ECU would stumble over.
 """
 
@@ -58,6 +59,8 @@ def _run(arguments: argparse.Namespace, stopped: Callable[[], bool]) -> int:
         for key, value in (("seed", arguments.seed), ("duration_s", arguments.duration))
         if value is not None
     }
+    if arguments.ego is not None:
+        overrides["storyboard"] = {"ego": arguments.ego}
     scenario = load_scenario(arguments.scenario, overrides)
     options = RunOptions(
         bus=arguments.bus,
@@ -128,7 +131,7 @@ def add_run(commands: Commands) -> None:
     added.add_argument(
         "scenario",
         nargs="?",
-        help="scenario file or shipped name, or a bare map (.xodr) or CAN log; default: highway",
+        help="scenario file or shipped name, or a bare map (.xodr), storyboard (.xosc) or CAN log; highway",
     )
     added.add_argument(
         "--bus",
@@ -153,6 +156,9 @@ def add_run(commands: Commands) -> None:
     )
     added.add_argument("--video", type=Path, metavar="FILE", help="every tick: .mp4, or .avi without loss")
     added.add_argument("--duration", type=positive, metavar="S", help="end after S seconds (the scenario's)")
+    added.add_argument(
+        "--ego", metavar="NAME", help="with an .xosc: who carries the sensor (Ego)"
+    )
     added.add_argument("--fast", action="store_true", help="simulated clock, as quickly as it goes; no bus")
     added.add_argument(
         "--realtime", action="store_true", help="real-time priority and locked memory, where allowed"

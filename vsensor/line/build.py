@@ -11,10 +11,11 @@ from vsensor.faults import faults_of
 from vsensor.line.compute import Line
 from vsensor.profile import load_profile
 from vsensor.sensor import Sensor
-from vsensor.sources import LOG_SUFFIXES, Source
+from vsensor.sources import LOG_SUFFIXES, STORY_SUFFIXES, Source
 from vsensor.sources.drive import RecordedDrive
 from vsensor.sources.live import LiveDrive
-from vsensor.sources.map_drive import MapDrive
+from vsensor.sources.map_drive import EgoConfig, MapDrive
+from vsensor.sources.storyboard import StoryboardConfig, StoryDrive
 from vsensor.transmit import Transmitter
 
 
@@ -61,6 +62,11 @@ def build_source(scenario: Scenario) -> Source:
     if path.suffix.lower() in LOG_SUFFIXES:
         _require_lane(config)
         return RecordedDrive.load(path, config.drive, config.road, scenario.folder, environment, reach_m)
+    if path.suffix.lower() in STORY_SUFFIXES:
+        _require_story(config)
+        return StoryDrive.load(path, config.storyboard, environment, reach_m)
+    if config.storyboard != StoryboardConfig():
+        raise ConfigError("storyboard: its keys are for an .xosc as source")
     drive = MapDrive.load(
         path, config.ego, config.traffic, environment, reach_m, config.obstacle, scenario.folder
     )
@@ -76,6 +82,20 @@ def build_source(scenario: Scenario) -> Source:
         config.departure,
         config.vehicle.width_m,
     )
+
+
+def _require_story(config: ScenarioConfig) -> None:
+    """Raise ConfigError for what the storyboard says itself."""
+    for key, is_there in (
+        ("ego", config.ego != EgoConfig()),
+        ("traffic", bool(config.traffic)),
+        ("obstacle", bool(config.obstacle)),
+        ("listen", bool(config.listen.profiles)),
+    ):
+        if is_there:
+            raise ConfigError(
+                f"{key}: the storyboard says who drives where; [storyboard] sets its parameters"
+            )
 
 
 def _require_lane(config: ScenarioConfig) -> None:

@@ -44,6 +44,7 @@ class Source(Protocol):
 
 
 MAP_SUFFIXES = (".xodr",)
+STORY_SUFFIXES = (".xosc",)
 LOG_SUFFIXES = (".log", ".asc", ".blf", ".mf4", ".trc", ".csv", ".gz")
 
-__all__ = ["LOG_SUFFIXES", "MAP_SUFFIXES", "Inputs", "Source"]
+__all__ = ["LOG_SUFFIXES", "MAP_SUFFIXES", "STORY_SUFFIXES", "Inputs", "Source"]

@@ -95,7 +95,10 @@ class Blocks:
 
     def at(self, s_m: float) -> Block:
         """Return the block of one distance."""
-        return self._row[int(self.numbers_at(np.array([s_m]))[0])]
+        if not math.isfinite(s_m):
+            raise ValueError("a distance along the corridor is not finite")
+        self.reach(s_m + 1e-9)
+        return self._row[min(max(bisect_right(self.edges_m, s_m) - 1, 0), len(self._row) - 1)]
 
     def between(self, start_m: float, end_m: float) -> Iterator[int]:
         """Yield the blocks taken so far that lie between two distances, at least in part."""

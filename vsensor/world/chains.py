@@ -5,6 +5,8 @@ Within a section a border keeps its group. Over a joint it is matched by where i
 that the lane's links decide.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from vsensor.types import Array
@@ -19,11 +21,18 @@ PROBES = 5
 
 
 class Chains:
-    """Hands out groups to the borders of piece after piece; `lateral_m` limits how far aside they lie."""
+    """Hands out groups to the borders of piece after piece; `lateral_m` limits how far aside they lie.
 
-    def __init__(self, lateral_m: float) -> None:
+    `known` are the groups that borders of the first piece's lanes had on another way over the same road,
+    `first_group` the first one for the others.
+    """
+
+    def __init__(
+        self, lateral_m: float, known: Mapping[int, int] | None = None, first_group: int = 0
+    ) -> None:
         self._lateral_m = lateral_m
-        self._next_group = 0
+        self._known = dict(known or {})
+        self._next_group = first_group
         self._last: tuple[LanePiece, tuple[int, ...], tuple[int, ...]] | None = None
         self._last_extra: dict[tuple[str, int], int] = {}
 
@@ -56,7 +65,7 @@ class Chains:
 
     def _matched(self, piece: LanePiece, lane_ids: tuple[int, ...]) -> dict[int, int]:
         if self._last is None:
-            return {}
+            return {i: self._known[i] for i in lane_ids if i in self._known}
         before, ids, groups = self._last
         if before.place == piece.place and before.s_to_m == piece.s_from_m:
             pairs = [(i, i) for i in ids if i in lane_ids]

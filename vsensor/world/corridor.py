@@ -13,6 +13,8 @@ or another way through a junction, is not seen.
 """
 
 import math
+from bisect import bisect_right
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -68,11 +70,21 @@ class Corridor:
     Built where asked; raises MapError if the start or the route names what is not there.
     """
 
-    def __init__(self, road_map: RoadMap, config: CorridorConfig | None = None) -> None:
-        """Find the start; nothing is sampled yet. Raises MapError, also if there is nothing ahead of it."""
+    def __init__(
+        self,
+        road_map: RoadMap,
+        config: CorridorConfig | None = None,
+        known_groups: Mapping[int, int] | None = None,
+        first_group: int = 0,
+    ) -> None:
+        """Find the start; nothing is sampled yet. Raises MapError, also if there is nothing ahead of it.
+
+        `known_groups`: the groups of borders, by the lane that owns them, that go on from another corridor.
+        """
         self.road_map = road_map
         self.config = config or CorridorConfig()
-        self._blocks = Blocks(Route(road_map, self.config), Chains(self.config.lateral_m))
+        chains = Chains(self.config.lateral_m, known_groups, first_group)
+        self._blocks = Blocks(Route(road_map, self.config), chains)
         self._windows = Windows(self._blocks, self.config.spacing_m)
         self._extras = SurfaceExtras(self._blocks)
         if not self.reaches(1e-6):
@@ -148,7 +160,38 @@ class Corridor:
     def place(self, s_m: float) -> tuple[Place, float]:
         """Return the lane driven at a distance, and s on its road."""
         block = self._blocks.at(s_m)
-        return block.piece.place, float(block.piece.s_at(block.sigma(s_m))[0])
+        return block.piece.place, block.piece.s_one(s_m - block.start_m)
+
+    def distance(
+        self, road_id: str, s_m: float, lane_id: int | None = None, *, from_m: float = 0.0, until_m: float
+    ) -> float | None:
+        """Return the first route distance in [from, until] at s of a road (and lane), None if none."""
+        number = max(0, bisect_right(self._blocks.edges_m, from_m) - 1)
+        while number < len(self._blocks) or self._blocks.extend():
+            block = self._blocks[number]
+            if block.start_m > until_m:
+                return None
+            if block.piece.place.road_id == road_id and lane_id in (None, block.piece.place.lane_id):
+                low, high = sorted((block.piece.s_from_m, block.piece.s_to_m))
+                if low <= s_m <= high:
+                    return block.start_m + block.piece.sigma_one(s_m)
+            number += 1
+        return None
+
+    def groups(self, s_m: float) -> dict[int, int]:
+        """Return the groups of the borders at a distance, by the lane that owns them."""
+        block = self._blocks.at(s_m)
+        return dict(zip(block.lane_ids, block.groups, strict=True))
+
+    def row(self, s_m: float) -> tuple[Array, float, float]:
+        """Return the lane's cubics (4, 10) at a distance, where on them in [0, 1], the way beyond the end.
+
+        Position, forward, left, curvature, as in LaneTable: for many bodies whose poses are made at once.
+        """
+        block = self._blocks.at(s_m)
+        sigma = min(max(s_m - block.start_m, 0.0), block.piece.length_m)
+        cubics, x = self._blocks.table(block.piece).row(sigma)
+        return cubics, x, s_m - block.start_m - sigma
 
     def section(self, s_m: float) -> Section:
         """Return the road's cross-section at a distance."""

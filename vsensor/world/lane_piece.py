@@ -4,6 +4,7 @@ s of the road       s_from ------------> s_to     (driven along s or against it)
 distance sigma      0 -----------------> length   (true length of the lane's middle, 3-D)
 """
 
+from bisect import bisect_right
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -110,6 +111,36 @@ class LanePiece:
         """Return distances (N,) from the piece's start of places s (N,) of the road: linear between knots."""
         driven, sigma, _, _ = self._knots
         return np.interp(np.abs(s_m - self.s_from_m), driven, sigma)
+
+    @cached_property
+    def _knot_lists(self) -> tuple[list[float], ...]:
+        return tuple(knots.tolist() for knots in self._knots)
+
+    def s_one(self, sigma_m: float) -> float:
+        """Return s of the road at one distance, as `s_at` in a twentieth of its time."""
+        driven, sigma, first, last = self._knot_lists
+        k = min(max(bisect_right(sigma, sigma_m) - 1, 0), len(sigma) - 2)
+        h = sigma[k + 1] - sigma[k]
+        x = min(max((sigma_m - sigma[k]) / h, 0.0), 1.0)
+        rise = driven[k + 1] - driven[k]
+        a, b = first[k] * h - rise, rise - last[k] * h
+        way = driven[k] + x * rise + x * (1.0 - x) * ((1.0 - x) * a + x * b)
+        s = self.s_from_m + self.place.direction * way
+        return min(max(s, min(self.s_from_m, self.s_to_m)), max(self.s_from_m, self.s_to_m))
+
+    def sigma_one(self, s_m: float) -> float:
+        """Return the distance from the piece's start at s of the road: `s_one` turned around, to 1e-9 m."""
+        driven, sigma, _, _ = self._knot_lists
+        target = abs(s_m - self.s_from_m)
+        k = min(max(bisect_right(driven, target) - 1, 0), len(driven) - 2)
+        slope = (driven[k + 1] - driven[k]) / (sigma[k + 1] - sigma[k])
+        found = sigma[k] + (target - driven[k]) / slope
+        for _ in range(6):
+            away = target - abs(self.s_one(found) - self.s_from_m)
+            if abs(away) < 1e-12:
+                break
+            found = min(max(found + away / slope, 0.0), self.length_m)
+        return found
 
     def frames(self, sigma_m: Array) -> Frames:
         """Return position and axes of the lane's middle at distances (N,); up is the road's normal."""

@@ -51,6 +51,12 @@ class LaneTable:
         row = c[0] + x * (c[1] + x * (c[2] + x * c[3]))
         return row[0:3], row[3:6], row[6:9], row[9]
 
+    def row(self, sigma_m: float) -> tuple[Array, float]:
+        """Return the cubics (4, 10) of the interval that a distance is in, and where in it, 0 to 1."""
+        k = min(max(int(self.edges_m.searchsorted(sigma_m, side="right")) - 1, 0), len(self.edges_m) - 2)
+        start, end = self.edges_m[k : k + 2].tolist()
+        return self.cubics[:, :, k], (sigma_m - start) / (end - start)
+
 
 def _edges(piece: LanePiece) -> Array:
     return np.concatenate([*_subdivided(piece.breaks_m()), [piece.length_m]])

@@ -1,6 +1,7 @@
 """The way of a drive over the map: which piece of lane comes next."""
 
 import itertools
+from dataclasses import replace
 from typing import Annotated, Any
 
 import msgspec
@@ -26,7 +27,10 @@ DRIVABLE = {
 
 
 class CorridorConfig(Config, frozen=True, kw_only=True):
-    """Where the drive begins and which way it goes; `road` "auto" looks for the longest drive."""
+    """Where the drive begins and which way it goes; `road` "auto" looks for the longest drive.
+
+    `against`: the lane is driven against its own direction.
+    """
 
     road: str = "auto"
     lane: int | None = None
@@ -35,6 +39,7 @@ class CorridorConfig(Config, frozen=True, kw_only=True):
     lane_type: str = "driving"
     spacing_m: Annotated[float, msgspec.Meta(ge=0.01, le=5.0)] = 0.1
     lateral_m: Annotated[float, msgspec.Meta(ge=2.0, le=100.0)] = 20.0
+    against: bool = False
 
 
 class Route:
@@ -133,7 +138,8 @@ def _start(road_map: RoadMap, config: CorridorConfig) -> tuple[Place, float | No
     if config.road == "auto":
         return auto_start(road_map, config.lane_type), None
     lane = config.lane if config.lane is not None else _outer_lane(road_map, config)
-    return place_at(road_map, config.road, lane, config.s_m), config.s_m
+    place = place_at(road_map, config.road, lane, config.s_m)
+    return (replace(place, direction=-place.direction) if config.against else place), config.s_m
 
 
 def _outer_lane(road_map: RoadMap, config: CorridorConfig) -> int:

@@ -1,4 +1,4 @@
-"""Reading the XML of a map: every number checked, every refusal with file, line, element, attribute."""
+"""Reading the XML of maps and storyboards: every number checked, every refusal with file, line, element."""
 
 import math
 import re
@@ -8,7 +8,7 @@ from typing import Any
 
 from lxml import etree
 
-from vsensor.errors import MapError
+from vsensor.errors import MapError, VsensorError
 
 Element = Any
 """An lxml element; lxml ships no types."""
@@ -20,13 +20,15 @@ LARGEST_NUMBER = 1e10
 class MapReader:
     """One file being read: makes errors and warnings that name the file and the line."""
 
+    error_type: type[VsensorError] = MapError
+
     def __init__(self, path: Path) -> None:
         self.path = path
         self.warnings: list[str] = []
 
-    def error(self, element: Element, text: str) -> MapError:
+    def error(self, element: Element, text: str) -> VsensorError:
         """Return (not raise) the refusal of `element`."""
-        return MapError(f"{self.path}:{element.sourceline}: <{element.tag}>: {text}")
+        return self.error_type(f"{self.path}:{element.sourceline}: <{element.tag}>: {text}")
 
     def warn(self, element: Element, text: str) -> None:
         """Note a finding that the map survives."""
@@ -101,8 +103,13 @@ def read_cubic(reader: MapReader, element: Element, start: str) -> tuple[float, 
     return reader.number(element, start), a, b, c, d
 
 
-def read_root(path: Path, text: bytes | None = None) -> Element:
-    """Return the root element, names without namespaces; raises MapError. No entity, DTD or network.
+def read_root(
+    path: Path,
+    text: bytes | None = None,
+    root_tag: str = "OpenDRIVE",
+    error_type: type[VsensorError] = MapError,
+) -> Element:
+    """Return the root element, names without namespaces; raises `error_type`. No entity, DTD or network.
 
     `text` stands in place of the file's content.
     """
@@ -120,19 +127,19 @@ def read_root(path: Path, text: bytes | None = None) -> Element:
     except etree.XMLSyntaxError as error:
         line = error.lineno or 0
         reason = " ".join((error.msg or "not XML").split())
-        raise MapError(f"{path}:{line}: not well-formed XML: {reason}") from None
+        raise error_type(f"{path}:{line}: not well-formed XML: {reason}") from None
     except FileNotFoundError:
-        raise MapError(f"{path}: no such file") from None
+        raise error_type(f"{path}: no such file") from None
     except OSError as error:
-        raise MapError(f"{path}: cannot be read: {error.strerror}") from None
+        raise error_type(f"{path}: cannot be read: {error.strerror}") from None
     except ValueError as error:
-        raise MapError(f"{path}: not XML: {shortened(str(error))}") from None
+        raise error_type(f"{path}: not XML: {shortened(str(error))}") from None
     if tree.docinfo.internalDTD is not None:
-        raise MapError(f"{path}:1: has a document type definition (DTD), which is refused")
+        raise error_type(f"{path}:1: has a document type definition (DTD), which is refused")
     root = tree.getroot()
     for element in root.iter(etree.Element):
         if element.tag.startswith("{"):
             element.tag = etree.QName(element).localname
-    if root.tag != "OpenDRIVE":
-        raise MapError(f"{path}:{root.sourceline}: <{root.tag}>: the root element must be <OpenDRIVE>")
+    if root.tag != root_tag:
+        raise error_type(f"{path}:{root.sourceline}: <{root.tag}>: the root element must be <{root_tag}>")
     return root
