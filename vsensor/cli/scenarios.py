@@ -156,9 +156,7 @@ def add_run(commands: Commands) -> None:
     )
     added.add_argument("--video", type=Path, metavar="FILE", help="every tick: .mp4, or .avi without loss")
     added.add_argument("--duration", type=positive, metavar="S", help="end after S seconds (the scenario's)")
-    added.add_argument(
-        "--ego", metavar="NAME", help="with an .xosc: who carries the sensor (Ego)"
-    )
+    added.add_argument("--ego", metavar="NAME", help="with an .xosc: who carries the sensor (Ego)")
     added.add_argument("--fast", action="store_true", help="simulated clock, as quickly as it goes; no bus")
     added.add_argument(
         "--realtime", action="store_true", help="real-time priority and locked memory, where allowed"

@@ -130,6 +130,7 @@ class StoryDrive:
         return Scene(
             markings=corridor.markings_window(*view),
             surface=corridor.surface_window(*view),
+            ground=corridor.ground_window(*view),
             obstacles=boxes_near(work, ego.position_world_m, self._view_m, self._stands),
             environment=self.weather.at(work.t_ns / 1e9),
         )
@@ -217,6 +218,7 @@ def ego_state(work: Work) -> EgoState:
         yaw_rate_radps=rate,
         acceleration_mps2=motion.acceleration_mps2,
         lateral_acceleration_mps2=motion.speed_mps * rate,
+        uneven=corridor.uneven(motion.s_m),
     )
 
 
