@@ -139,7 +139,7 @@ def results(folder):
 
 OFFERED = (
     *("run", "check", "decode", "convert", "log", "score", "accept", "sweep", "replay", "gateway", "profile"),
-    *("scan", "table", "tune", "validate", "density", "influence"),
+    *("scan", "table", "tune", "validate", "density", "influence", "road"),
 )
 VSENSOR = [command for command in commands() if command.startswith("vsensor ")]
 MAKE = [command for command in commands() if command.startswith("make ")]
@@ -274,6 +274,46 @@ def test_the_table_of_keys_has_every_key_of_a_scenario_with_its_default_and_no_o
     assert keys_of_readme() == keys_of(ScenarioConfig)
 
 
+def road_keys(struct, without=None):
+    """Return {key: default} of a road file's table, less what it has of another one, as README shows it."""
+    known = {} if without is None else road_keys(without)
+    shown = {field.encode_name: default_shown(field) for field in msgspec.inspect.type_info(struct).fields}
+    return {key: value for key, value in shown.items() if known.get(key, "-") != value or key not in known}
+
+
+def test_the_table_of_a_road_file_has_every_key_with_its_default_and_no_other():
+    from vsensor.motion import BumpConfig
+    from vsensor.world import road as built
+
+    expected = {
+        "file": road_keys(built.RoadFile),
+        "road": road_keys(built.RoadConfig) | {"right": "-"},
+        "straight": road_keys(built.Straight),
+        "arc": road_keys(built.Arc),
+        "clothoid": road_keys(built.Clothoid),
+        "bend": road_keys(built.Bend),
+        "lane": road_keys(built.LaneConfig),
+        "paint of a lane or `centre`": road_keys(built.PaintConfig),
+        "elevation": road_keys(built.GradeConfig),
+        "`paint`": road_keys(built.StretchConfig, built.PaintConfig),
+        "`gap`": road_keys(built.GapConfig),
+        "`ghost`": road_keys(built.GhostConfig, built.PaintConfig),
+        "`construction`": road_keys(built.ConstructionConfig, built.PaintConfig),
+        "`crosswalk`": road_keys(built.CrosswalkConfig),
+        "`stop_line`": road_keys(built.StopLineConfig),
+        "`bump`": road_keys(BumpConfig),
+        "`rough`": road_keys(built.RoughConfig),
+        "`after`, `before`": road_keys(built.LinkConfig),
+    }
+    found = {}
+    for name, keys, _ in table("| table | keys with their defaults | what |"):
+        words = [word.partition(" = ") for word in codes(keys)]
+        found[name] = {key: tomllib.loads(f"x = {value}")["x"] if value else "-" for key, _, value in words}
+    for keys in expected.values():
+        keys.update({key: "-" for key, value in keys.items() if value == "required"})
+    assert found == expected
+
+
 def test_the_table_of_trace_columns_is_that_of_the_file():
     said = [name for row in table("| column of the trace | unit | what |") for name in codes(row[0])]
     assert sorted(said) == sorted(COLUMNS)
@@ -324,9 +364,10 @@ def test_the_schemas_are_those_of_the_program():
     from vsensor.field.validate.judge import SCHEMA as VALIDATE
     from vsensor.profile import SCHEMA as PROFILE
     from vsensor.sinks.truth_points import SCHEMA as POINTS
+    from vsensor.world.road import SCHEMA as ROAD
 
     said = {codes(row[1])[0] for row in table("| file | schema | what |")}
-    assert said == {SCENARIO, PROFILE, ERROR_MODEL, LIMITS, SCAN, VALIDATE, TABLE, SCHEMA, POINTS}
+    assert said == {SCENARIO, PROFILE, ERROR_MODEL, LIMITS, SCAN, VALIDATE, TABLE, SCHEMA, POINTS, ROAD}
 
 
 def test_the_frame_table_has_the_messages_of_the_native_dbc_with_their_ids():

@@ -1,13 +1,13 @@
 """The borders of a stretch of road at its stations: points, paint, kind, colour, width of each stripe."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from vsensor.types import Array, BoolArray, CodeArray, Colour, MarkingKind, Stripe
 from vsensor.world.lane_piece import LanePiece
 from vsensor.world.opendrive.extras import PaintedLine
-from vsensor.world.opendrive.marks import STANDARD_WIDTH_M, UNMARKED, RoadMark, marks_between
+from vsensor.world.opendrive.marks import STANDARD_WIDTH_M, RoadMark, marks_between
 from vsensor.world.opendrive.surface import Cross
 
 
@@ -55,11 +55,8 @@ def border_lines(
 
 
 def extra_line(piece: LanePiece, line: PaintedLine, s_m: Array, cross: Cross) -> BorderLine:
-    """Return a line that is no lane's border at the stations s (N,); beyond its ends it is not painted."""
-    low, high = line.from_m, line.to_m
-    t = line.t.at(np.clip(s_m, low, high))[0]
-    marks = _present((*line.marks, replace(UNMARKED, start_m=high)), s_m)
-    return _border(piece, marks, s_m, t, cross)
+    """Return a line that is no lane's border at stations s (N,) between its ends."""
+    return _border(piece, _present(line.marks, s_m), s_m, line.t.at(s_m)[0], cross)
 
 
 def _border(

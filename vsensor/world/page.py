@@ -12,11 +12,15 @@ from vsensor.world.borders import BorderLine
 
 @dataclass(frozen=True, slots=True)
 class Strip:
-    """The borders of one block at `count` stations from station `first` on, by group."""
+    """The borders of one block at `count` stations from station `first` on, by group.
+
+    `extra` are lines that are no borders, each from a station of its own on.
+    """
 
     first: int
     count: int
     borders: Mapping[int, BorderLine]
+    extra: Mapping[int, tuple[int, BorderLine]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +83,8 @@ def join(strips: Sequence[Strip], own: Collection[int]) -> Page:
         for group, border in strip.borders.items():
             if strip.count:
                 runs.setdefault(group, []).append((strip.first, border))
+        for group, (first, line) in strip.extra.items():
+            runs.setdefault(group, []).append((first, line))
     lines = [line for group in sorted(runs) for line in _lines(group, runs[group], group in own)]
     return Page(tuple(lines))
 

@@ -92,10 +92,16 @@ class Windows:
         sigma = np.arange(first, end, dtype=np.float64) * self._spacing_m - block.start_m
         s = block.piece.s_at(sigma)
         cross = block.piece.road.cross(s)
-        lines = dict(zip(block.groups, border_lines(block.piece, s, cross, block.lane_ids), strict=True))
+        lines = border_lines(block.piece, s, cross, block.lane_ids)
+        extra = {}
         for place, group in zip(block.extra, block.extra_groups, strict=True):
-            lines[group] = extra_line(block.piece, block.piece.road.lines[place], s, cross)
-        return Strip(first, len(sigma), lines)
+            line = block.piece.road.lines[place]
+            inside = np.flatnonzero((s >= line.from_m) & (s <= line.to_m))
+            if len(inside):
+                there = s[inside]
+                found = extra_line(block.piece, line, there, block.piece.road.cross(there))
+                extra[group] = (first + int(inside[0]), found)
+        return Strip(first, len(sigma), dict(zip(block.groups, lines, strict=True)), extra)
 
 
 def _key(s_from_m: float, s_to_m: float) -> tuple[int, int]:

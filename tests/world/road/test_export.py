@@ -123,7 +123,7 @@ def test_the_summary_says_length_radii_lanes_and_paint(tmp_path, capsys):
     assert main(["road", str(written(tmp_path, EVERYTHING))]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[1] == f"road 1: {120.1 + 333.3 * math.radians(31) + 70:.3f} m, turns by 31 deg"
-    assert "lanes          0.0 to 30.0 m: 1 driving 3.5 m | -1 driving 3.309-3.5 m" in "\n".join(lines)
+    assert "lanes          0.0 to 30.0 m: 1 driving 3.5 m | -1 driving 3.396-3.5 m" in "\n".join(lines)
     assert any("construction   150.0 to 200.0 m: dashed, yellow" in line for line in lines)
 
 

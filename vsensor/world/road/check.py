@@ -21,7 +21,7 @@ NARROWEST = 0.01
 CLEARANCE_M = 3.5
 """A road that passes so far above itself is a bridge."""
 
-CHUNK = 64
+CHUNK = 32
 
 
 def check_shape(config: RoadConfig, line: Line, layout: Layout, where: str) -> None:

@@ -62,11 +62,10 @@ def _draw_road(axes: Any, road: Road) -> None:
         lines = list(border_lines(piece, s, cross, section.ids))
         left, right = (line.stripes[0].points_world_m for line in (lines[0], lines[-1]))
         axes.fill(*np.concatenate([left, right[::-1]])[:, :2].T, color="#E8E8E8", lw=0)
-        lines += [
-            extra_line(piece, extra, s, cross)
-            for extra in road.lines
-            if extra.from_m < section.end_m and extra.to_m > section.start_m
-        ]
+        for extra in road.lines:
+            there = s[(s >= extra.from_m) & (s <= extra.to_m)]
+            if len(there):
+                lines.append(extra_line(piece, extra, there, road.cross(there)))
         for line in lines:
             _draw_line(axes, line)
     for area in road.ground:

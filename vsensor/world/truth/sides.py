@@ -14,6 +14,8 @@ RIGHT_SIDES = (Side.RIGHT, Side.NEXT_RIGHT)
 
 OWN_LANE_M = 4.5
 """A line farther to the side does not bound the own lane, not even from its other edge (3.75 m wide)."""
+AHEAD_M = 1.0
+"""A line that begins farther ahead does not take the place of one that is beside the vehicle."""
 BESIDE_M = 8.0
 """A line farther to the side is no next line: own half, one lane, and a vehicle off its middle."""
 
@@ -23,18 +25,22 @@ def true_sides(candidates: LinePoints, snapshot: Snapshot) -> dict[Side, int]:
 
     Counted are lines with paint within the window, at their first point with x >= 0. The nearest one
     within OWN_LANE_M bounds the own lane; where none does, that side has no line, and the nearest one
-    within BESIDE_M is the next lane's.
+    within BESIDE_M is the next lane's. A line that begins ahead (yellow paint of a construction site) is
+    left out where it lies nearer than one that is beside the vehicle and bounds the own lane.
     """
     starts = candidates.starts.tolist()
     lateral = []
     for k, (a, b) in enumerate(itertools.pairwise(starts)):
         if counts(candidates, snapshot, k):
             abeam = min(a + int(candidates.points_ego_m[a:b, 0].searchsorted(0.0)), b - 1)
-            lateral.append((float(candidates.points_ego_m[abeam, 1]), k))
-    left = sorted((y, k) for y, k in lateral if 0.0 < y <= BESIDE_M)
-    right = sorted((-y, k) for y, k in lateral if -BESIDE_M <= y <= 0.0)
+            x, y, _ = candidates.points_ego_m[abeam].tolist()
+            lateral.append((y, k, x > AHEAD_M))
+    left = sorted((y, k, ahead) for y, k, ahead in lateral if 0.0 < y <= BESIDE_M)
+    right = sorted((-y, k, ahead) for y, k, ahead in lateral if -BESIDE_M <= y <= 0.0)
     sides = {}
-    for lines, names in ((left, LEFT_SIDES), (right, RIGHT_SIDES)):
+    for found, names in ((left, LEFT_SIDES), (right, RIGHT_SIDES)):
+        beside = next((n for n, (y, _, ahead) in enumerate(found) if not ahead and y <= OWN_LANE_M), 0)
+        lines = [(y, k) for y, k, _ in found[beside:]]
         is_bounded = bool(lines) and lines[0][0] <= OWN_LANE_M
         sides.update({side: k for side, (_, k) in zip(names[not is_bounded :], lines, strict=False)})
     return sides
