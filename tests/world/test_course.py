@@ -28,7 +28,7 @@ def curvature_of(series):
 def series_of(road_map, lane_id, s_m):
     """Return the series of a lane's outer border at s, along s."""
     each = next(iter(road_map.roads.values()))
-    frame, t = each.series(s_m), each.sections[0].border_series(s_m, lane_id)
+    frame, t = each.series(s_m), each.sections[0].border_series(s_m, (lane_id,))[lane_id]
     return frame.line + taylor.product(t[:, None], frame.e_t)
 
 

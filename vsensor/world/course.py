@@ -40,12 +40,15 @@ def _in_block(block: Block, ids: IntArray, route_m: Array) -> Array:
     s = piece.s_at(route_m - block.start_m)
     frame = piece.road.series(s)
     t = np.full((taylor.TERMS, len(ids)), np.nan)
-    for number in np.unique(ids):
-        group, stripe = divmod(int(number), len(Stripe))
+    numbers: list[int] = np.unique(ids).tolist()
+    lanes = dict(zip(block.groups, block.lane_ids, strict=True))
+    wanted = [lanes[n // len(Stripe)] for n in numbers if n // len(Stripe) in lanes]
+    borders = piece.section.border_series(s, wanted)
+    for number in numbers:
+        group, stripe = divmod(number, len(Stripe))
         mine = ids == number
-        if group in block.groups:
-            lane = piece.section.lanes[block.lane_ids[block.groups.index(group)]]
-            t[:, mine], marks = piece.section.border_series(s[mine], lane.id), lane.marks
+        if group in lanes:
+            t[:, mine], marks = borders[lanes[group]][:, mine], piece.section.lanes[lanes[group]].marks
         elif group in block.extra_groups:
             line = piece.road.lines[block.extra[block.extra_groups.index(group)]]
             t[:, mine], marks = _extra_series(line, s[mine]), line.marks

@@ -69,14 +69,18 @@ class Section:
                 t[lane.id], dt[lane.id] = inner, inner_slope
         return t, dt
 
-    def border_series(self, s_m: Array, lane_id: int) -> Array:
-        """Return the Taylor series along s of t of the outer border of a lane (0: the centre lane's own)."""
-        side = 1 if lane_id > 0 else -1
-        centre = inner = taylor.of_cubics(self.lane_offset, s_m)
-        for lane in self._outwards(side, side * lane_id):
-            outer = (centre if lane.is_border else inner) + side * taylor.of_cubics(lane.width, s_m)
-            inner = np.where(side * (outer[0] - inner[0]) < 0.0, inner, outer)  # a width below 0 is 0
-        return inner
+    def border_series(self, s_m: Array, ids: Iterable[int]) -> dict[int, Array]:
+        """Return the Taylor series along s of t of the outer border of each of `ids`, see `borders`."""
+        wanted = tuple(ids)
+        centre = taylor.of_cubics(self.lane_offset, s_m)
+        t = {0: centre}
+        for side in (1, -1):
+            inner = centre
+            for lane in self._outwards(side, max((side * i for i in wanted), default=0)):
+                outer = (centre if lane.is_border else inner) + side * taylor.of_cubics(lane.width, s_m)
+                narrow = side * (outer[0] - inner[0]) < 0.0  # a width below 0 is 0
+                t[lane.id] = inner = np.where(narrow, inner, outer) if narrow.any() else outer
+        return t
 
     def _outwards(self, side: int, outermost: int) -> list[Lane]:
         ids = sorted((i for i in self.lanes if 0 < side * i <= outermost), key=abs)

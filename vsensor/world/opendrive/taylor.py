@@ -43,11 +43,13 @@ def power(a: Array, exponent: float) -> Array:
 
 def sine_cosine(angle: Array) -> tuple[Array, Array]:
     """Return the series of sine and cosine."""
-    sine, cosine = np.empty_like(angle), np.empty_like(angle)
-    sine[0], cosine[0] = np.sin(angle[0]), np.cos(angle[0])
-    for k in range(1, TERMS):
-        sine[k] = sum(i * angle[i] * cosine[k - i] for i in range(1, k + 1)) / k
-        cosine[k] = -sum(i * angle[i] * sine[k - i] for i in range(1, k + 1)) / k
+    s, c = np.sin(angle[0]), np.cos(angle[0])
+    _, first, second, third = angle
+    square = first * first / 2
+    # sin(a + d) = s (1 - d^2 / 2) + c (d - d^3 / 6), d = first h + second h^2 + third h^3
+    odd, both = third - first * square / 3, first * second
+    sine = np.array((s, c * first, c * second - s * square, c * odd - s * both))
+    cosine = np.array((c, -s * first, -s * second - c * square, -s * odd - c * both))
     return sine, cosine
 
 
@@ -69,11 +71,20 @@ def of_cubics(cubics: Cubics, s_m: Array) -> Array:
     """Return the series of a piecewise cubic at s (N,): of its record there, so it is exact."""
     if cubics.is_zero:
         return np.zeros((TERMS, len(s_m)))
-    place = np.searchsorted(cubics.starts_m, s_m, side="right") - 1
-    first = np.maximum(place, 0)
-    a, b, c, d = np.where(place < 0, 0.0, cubics.coefficients[first].T)
-    ds = s_m - cubics.starts_m[first]
-    return np.array((a + ds * (b + ds * (c + ds * d)), b + ds * (2 * c + ds * 3 * d), c + ds * 3 * d, d))
+    if len(cubics.starts_m) == 1 and cubics.starts_m[0] <= 0.0:
+        a, b, c, d = cubics.coefficients[0]
+        ds = s_m - cubics.starts_m[0]
+    else:
+        place = np.searchsorted(cubics.starts_m, s_m, side="right") - 1
+        first = np.maximum(place, 0)
+        a, b, c, d = np.where(place < 0, 0.0, cubics.coefficients[first].T)
+        ds = s_m - cubics.starts_m[first]
+    series = np.empty((TERMS, len(s_m)))
+    series[0] = a + ds * (b + ds * (c + ds * d))
+    series[1] = b + ds * (2 * c + ds * 3 * d)
+    series[2] = c + ds * 3 * d
+    series[3] = d
+    return series
 
 
 def slope_of(cubic: Array) -> Array:

@@ -30,7 +30,7 @@ from vsensor.types import (
     Unseen,
 )
 from vsensor.world.truth.course import Course, courses
-from vsensor.world.truth.cubic import NO_CUBIC, CubicFit, fitted
+from vsensor.world.truth.cubic import NO_CUBIC, CubicFit, best_cubic, fitted
 from vsensor.world.truth.reasons import reason_unseen
 from vsensor.world.truth.sides import LEFT_SIDES, is_void, true_sides
 
@@ -171,7 +171,7 @@ def _line_truth(
         kind=MarkingKind(int(marking.kind[abeam])),
         width_m=width_m,
         y_m=_y_at_ranges(chain),
-        coefficients=(whole if used is points else fitted(used[:, 0], used[:, 1])).coefficients,
+        coefficients=whole.coefficients if used is points else best_cubic(used[:, 0], used[:, 1]),
         whole=whole,
         taylor=NO_CUBIC if chain.course is None else chain.course.series[:, 0],
         axle_y_m=axle_y_m,
