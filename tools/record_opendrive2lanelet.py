@@ -1,12 +1,12 @@
-"""Record where opendrive2lanelet puts lane borders, for tests/authorities: run it in an environment of its own.
+"""Record where opendrive2lanelet puts lane borders, for tests/authorities; in an environment of its own.
 
     pip install --no-deps opendrive2lanelet==1.2.1 && pip install lxml numpy scipy
     python tools/record_opendrive2lanelet.py MAPS... > tests/authorities/opendrive2lanelet.json
 
-It reads OpenDRIVE by itself (LGPL-3.0, Technical University of Munich) and evaluates borders in the plane, at any s
-by its own formulas. The table of places that it would interpolate is switched off, junctions are left out (it
-knows no direct ones). For every map: road, place of the lane section in the file, lane, s, x, y of the lane's outer
-border.
+It reads OpenDRIVE by itself (Technical University of Munich) and evaluates borders in the plane, at any s by
+its own formulas. The table of places that it would interpolate is switched off, junctions are left out (it
+knows no direct ones). For every map: road, place of the lane section in the file, lane, s, x, y of the lane's
+outer border.
 """
 
 import json
@@ -20,8 +20,8 @@ from lxml import etree
 for name in ("commonroad", "commonroad.scenario", "commonroad.scenario.lanelet"):
     sys.modules[name] = MagicMock()  # only what makes lanelets of the borders needs it
 
-from opendrive2lanelet.converter import OpenDriveConverter
-from opendrive2lanelet.opendriveparser.parser import parse_opendrive
+from opendrive2lanelet.converter import OpenDriveConverter  # noqa: E402
+from opendrive2lanelet.opendriveparser.parser import parse_opendrive  # noqa: E402
 
 PLACES = 25
 """Places drawn in each map."""

@@ -1,8 +1,9 @@
 """Lane borders of the shared maps where another reader of OpenDRIVE puts them: opendrive2lanelet 1.2.1.
 
-`opendrive2lanelet.json` was written by `tools/record_opendrive2lanelet.py`, which says how. Both agree to rounding but
-on paramPoly3: there the other reader takes p in proportion to s. The standard calls s the distance along the reference
-line, so p follows from the curve's length; the curve is the same, places on it differ by up to 10 mm along it.
+`opendrive2lanelet.json` was written by `tools/record_opendrive2lanelet.py`, which says how. Both agree to
+rounding but on paramPoly3: there the other reader takes p in proportion to s. The standard calls s the
+distance along the reference line, so p follows from the curve's length; the curve is the same, places on it
+differ by up to 10 mm along it.
 """
 
 import json
@@ -21,7 +22,7 @@ ROUNDING_M = 1e-8
 
 
 def border(road, section, lane_id, s, at_s=None):
-    """Return x, y of a border in the plane: its t at s, beside the reference line at `at_s`, and the heading."""
+    """Return x, y of a border in the plane, its t at s laid beside the line at `at_s`, and the heading."""
     t, _ = road.sections[section].borders(np.array([s]), (lane_id,))
     x, y, heading, _ = road.plan.at(np.array([s if at_s is None else at_s]))
     return np.array([x - t[lane_id] * np.sin(heading), y + t[lane_id] * np.cos(heading)])[:, 0], heading[0]

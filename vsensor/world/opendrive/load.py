@@ -1,6 +1,6 @@
 """A map file into a RoadMap: everything is read and checked once, nothing is sampled."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +9,16 @@ from vsensor.types import frozen
 from vsensor.world.opendrive.extras import read_ground, read_lines, read_swells
 from vsensor.world.opendrive.load_lanes import read_cubics, read_lanes
 from vsensor.world.opendrive.load_plan import LENGTH_TOLERANCE_M, LONGEST_ROAD_M, read_plan_view
+from vsensor.world.opendrive.packed import PackedRoads
+from vsensor.world.opendrive.parts import parts_of
 from vsensor.world.opendrive.planview import PlanView
 from vsensor.world.opendrive.polynomial import CubicRecord, Cubics
 from vsensor.world.opendrive.road import Connection, Road, RoadLink, RoadMap
 from vsensor.world.opendrive.surface import Shape
-from vsensor.world.opendrive.xml import Element, MapReader, children, read_cubic, read_root, shortened
+from vsensor.world.opendrive.xml import Element, MapReader, children, read_cubic, shortened
+
+HUGE_BYTES = 16_000_000
+"""The roads of a larger file are kept packed: plain they take some 12 times the file's size."""
 
 
 def load_map(path: Path | str) -> RoadMap:
@@ -31,27 +36,83 @@ def load_map(path: Path | str) -> RoadMap:
 
 def parse_map(text: bytes | None, path: Path) -> RoadMap:
     """Read the text of an OpenDRIVE map, that of the file at `path` if None; errors name `path`."""
-    reader = MapReader(path)
-    root = read_root(path, text)
-    _check_header(reader, root)
-    roads: dict[str, Road] = {}
-    for element in children(root, "road"):
-        road = _road(reader, element)
-        if road.id in roads:
-            raise reader.error(element, f'id="{shortened(road.id)}" is used by two roads')
-        roads[road.id] = road
-    if not roads:
-        raise reader.error(root, "no <road> in it")
-    connections = _junctions(reader, root, roads)
-    _check_links(reader, root, roads, connections)
-    return RoadMap(reader.path, roads, connections, tuple(reader.warnings))
+    return _Loading(path, _size(path, text) > HUGE_BYTES).load(parts_of(path, text))
 
 
-def _check_header(reader: MapReader, root: Element) -> None:
-    header = root.find("header")
-    if header is None:
-        reader.warn(root, "no <header>: version unknown, read as 1.4 to 1.8")
-        return
+def _size(path: Path, text: bytes | None) -> int:
+    if text is not None:
+        return len(text)
+    return path.stat().st_size if path.is_file() else 0
+
+
+class _Loading:
+    """A map on its way: what was read so far, part by part, in whatever order they come."""
+
+    def __init__(self, path: Path, is_huge: bool) -> None:
+        self._reader = MapReader(path)
+        self._packed = PackedRoads(lambda element: _road(MapReader(path), element)) if is_huge else None
+        self._plain: dict[str, Road] = {}
+        self._links: list[tuple[int, str, RoadLink]] = []
+        self._junctions: dict[str, list[tuple[int, Connection]]] = {}
+        self._has_header = self._has_swells = False
+
+    @property
+    def _roads(self) -> Mapping[str, Road]:
+        return self._plain if self._packed is None else self._packed
+
+    def load(self, parts: Iterator[Element]) -> RoadMap:
+        """Return the map of all parts, the last of which is the root."""
+        reader, part = self._reader, None
+        for part in parts:
+            if part.tag == "header" and not self._has_header:
+                _check_header(reader, part)
+                self._has_header = True
+            elif part.tag == "road":
+                self._take_road(part)
+            elif part.tag == "junction":
+                connections = (_connection(reader, el) for el in children(part, "connection"))
+                self._junctions[reader.text(part, "id")] = [one for one in connections if one is not None]
+        if not self._roads:
+            raise reader.error(part, "no <road> in it")
+        if not self._has_header:
+            reader.warn(part, "no <header>: version unknown, read as 1.4 to 1.8")
+        connections_by_id = {name: tuple(self._known(found)) for name, found in self._junctions.items()}
+        self._check_links()
+        findings = tuple(reader.warnings)
+        return RoadMap(reader.path, self._roads, connections_by_id, self._has_swells, findings)
+
+    def _take_road(self, element: Element) -> None:
+        road = _road(self._reader, element)
+        if road.id in self._roads:
+            raise self._reader.error(element, f'id="{shortened(road.id)}" is used by two roads')
+        for name, link in (("predecessor", road.predecessor), ("successor", road.successor)):
+            if link is not None:
+                self._links.append((element.sourceline, name, link))
+        self._has_swells |= bool(road.swells)
+        if self._packed is None:
+            self._plain[road.id] = road
+        else:
+            self._packed.add(road.id, element)
+
+    def _known(self, found: list[tuple[int, Connection]]) -> Iterator[Connection]:
+        """Yield the connections whose roads are in the map."""
+        for line, connection in found:
+            missing = [r for r in (connection.incoming, connection.connecting) if r not in self._roads]
+            if missing:
+                what = f"names road {shortened(missing[0])}, which is not in the map, and is left out"
+                self._reader.warn_at(line, "connection", what)
+            else:
+                yield connection
+
+    def _check_links(self) -> None:
+        for line, name, link in self._links:
+            if link.id not in (self._junctions if link.is_junction else self._roads):
+                what = "junction" if link.is_junction else "road"
+                told = f"its {name}, {what} {shortened(link.id)}, is not in the map: a dead end"
+                self._reader.warn_at(line, "road", told)
+
+
+def _check_header(reader: MapReader, header: Element) -> None:
     major, minor = reader.integer(header, "revMajor"), reader.integer(header, "revMinor")
     if major != 1:
         raise reader.error(header, f"OpenDRIVE {major}.{minor}: versions 1.4 to 1.8 are read")
@@ -126,43 +187,16 @@ def _link(reader: MapReader, link: Element | None, name: str) -> RoadLink | None
     return RoadLink(kind == "junction", reader.text(element, "elementId"), contact)
 
 
-def _junctions(reader: MapReader, root: Element, roads: dict[str, Road]) -> dict[str, tuple[Connection, ...]]:
-    found: dict[str, tuple[Connection, ...]] = {}
-    for junction in children(root, "junction"):
-        connections = (_connection(reader, el, roads) for el in children(junction, "connection"))
-        found[reader.text(junction, "id")] = tuple(c for c in connections if c is not None)
-    return found
-
-
-def _connection(reader: MapReader, el: Element, roads: dict[str, Road]) -> Connection | None:
+def _connection(reader: MapReader, el: Element) -> tuple[int, Connection] | None:
+    """Return a connection and its line, None for a virtual one."""
     direct = el.get("linkedRoad") is not None
     name = "linkedRoad" if direct else "connectingRoad"
-    if el.get("incomingRoad") is None or el.get(name) is None:  # a virtual connection
+    if el.get("incomingRoad") is None or el.get(name) is None:
         reader.warn(el, "has no incomingRoad or connectingRoad and is left out")
         return None
     incoming, connecting = reader.text(el, "incomingRoad"), reader.text(el, name)
     contact = reader.choice(el, "contactPoint", ("start", "end"))
-    for road in (incoming, connecting):
-        if road not in roads:
-            reader.warn(el, f"names road {shortened(road)}, which is not in the map, and is left out")
-            return None
     lanes = tuple(
         (reader.integer(link, "from"), reader.integer(link, "to")) for link in children(el, "laneLink")
     )
-    return Connection(incoming, connecting, contact, lanes, direct)
-
-
-def _check_links(
-    reader: MapReader,
-    root: Element,
-    roads: dict[str, Road],
-    connections: dict[str, tuple[Connection, ...]],
-) -> None:
-    for element in children(root, "road"):
-        road = roads[reader.text(element, "id")]
-        for name, link in (("predecessor", road.predecessor), ("successor", road.successor)):
-            if link is not None and link.id not in (connections if link.is_junction else roads):
-                what = "junction" if link.is_junction else "road"
-                reader.warn(
-                    element, f"its {name}, {what} {shortened(link.id)}, is not in the map: a dead end"
-                )
+    return el.sourceline, Connection(incoming, connecting, contact, lanes, direct)

@@ -1,5 +1,6 @@
 """Which lane follows which: over sections, road links and junctions, in the direction of driving."""
 
+import itertools
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -20,6 +21,9 @@ jump. Real files link lanes that end (1.75 m aside, where the lane's width is 0)
 
 LONG_DRIVE_M = 10_000.0
 """Longer drives count as this long when the longest is looked for: the search stays short on big maps."""
+
+MOST_SEARCHED = 5000
+"""Roads of a map among which the longest drive is looked for; of a huge one the first ones."""
 
 LOOK_AHEAD_M = 50.0
 """How far along a way its change of heading counts when the straightest one is looked for."""
@@ -187,8 +191,8 @@ def _turn(road_map: RoadMap, place: Place, heading_rad: float) -> float:
 
 
 def drivable(road_map: RoadMap, lane_type: str = "driving") -> Iterator[Place]:
-    """Yield every place of a lane type, the outermost lanes of each section first."""
-    for road in road_map.roads.values():
+    """Yield every place of a lane type, the outermost lanes of each section first; of MOST_SEARCHED roads."""
+    for road in itertools.islice(road_map.roads.values(), MOST_SEARCHED):
         for number, section in enumerate(road.sections):
             for i in sorted(section.of_type(lane_type), key=abs, reverse=True):
                 direction = road.direction(i, reversed_lane=section.lanes[i].reversed)
@@ -202,16 +206,19 @@ def auto_start(road_map: RoadMap, lane_type: str = "driving") -> Place:
     the outermost lane, then one along s, then the first in the file. Raises MapError if there is no
     such lane.
     """
-    straight = {place: _straightest(road_map, place, lane_type) for place in drivable(road_map, lane_type)}
-    if not straight:
+    ways = _Ways(road_map, lane_type)
+    first = list(itertools.islice(drivable(road_map, lane_type), 2))
+    if not first:
         types = sorted({lane.type for road in road_map.roads.values() for lane in _all_lanes(road)})
         raise MapError(f"{road_map.path}: no lane of type {lane_type}; types: {', '.join(types)}")
-    best, best_key = next(iter(straight)), (0.0, 0, 0)
-    for place in straight:
-        if road_map.roads[place.road_id].junction == "-1" or len(straight) == 1:
-            key = (_reach(road_map, place, straight), _outermost(road_map, place, lane_type), place.direction)
+    best, best_key = first[0], (0.0, False, 0)
+    for place in drivable(road_map, lane_type):
+        if road_map.roads[place.road_id].junction == "-1" or len(first) == 1:
+            key = (_reach(road_map, place, ways), _outermost(road_map, place, lane_type), place.direction)
             if key > best_key:
                 best, best_key = place, key
+            if best_key >= (LONG_DRIVE_M, True, 1):  # nothing is better
+                break
     return best
 
 
@@ -219,12 +226,29 @@ def _all_lanes(road: Road) -> Iterator[Lane]:
     return (lane for section in road.sections for lane in section.lanes.values() if lane.id != 0)
 
 
-def _straightest(road_map: RoadMap, place: Place, lane_type: str) -> Place | None:
-    ways = following(road_map, place)
-    return next((w for w in ways if section_of(road_map, w).lanes[w.lane_id].type == lane_type), None)
+class _Ways:
+    """The straightest way on from places of one lane type, each looked for when it is asked for first."""
+
+    def __init__(self, road_map: RoadMap, lane_type: str) -> None:
+        self._map, self._lane_type = road_map, lane_type
+        self._known: dict[Place, Place | None] = {}
+
+    def after(self, place: Place) -> Place | None:
+        """Return the place that follows, None at the end or where traffic does not go this way."""
+        if place not in self._known:
+            self._known[place] = self._straightest(place)
+        return self._known[place]
+
+    def _straightest(self, place: Place) -> Place | None:
+        road, lane = self._map.roads[place.road_id], section_of(self._map, place).lanes[place.lane_id]
+        if place.direction != road.direction(place.lane_id, reversed_lane=lane.reversed):
+            return None
+        ways = following(self._map, place)
+        of_type = (w for w in ways if section_of(self._map, w).lanes[w.lane_id].type == self._lane_type)
+        return next(of_type, None)
 
 
-def _reach(road_map: RoadMap, place: Place, straight: dict[Place, Place | None]) -> float:
+def _reach(road_map: RoadMap, place: Place, ways: _Ways) -> float:
     """Return the length of the drive from `place`, each place counted once, at most LONG_DRIVE_M."""
     seen: set[Place] = set()
     length = 0.0
@@ -233,7 +257,7 @@ def _reach(road_map: RoadMap, place: Place, straight: dict[Place, Place | None])
         seen.add(step)
         entry, leave = span(road_map, step)
         length += abs(leave - entry)
-        step = straight.get(step)
+        step = ways.after(step)
     return round(min(length, LONG_DRIVE_M), 3)
 
 

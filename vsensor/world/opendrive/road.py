@@ -105,11 +105,15 @@ class Road:
 
 @dataclass(frozen=True, slots=True)
 class RoadMap:
-    """A map file. `warnings` are the findings it survived, one line each, with file and line."""
+    """A map file. `has_swells`: whether any road is uneven.
+
+    `warnings` are the findings it survived, one line each, with file and line.
+    """
 
     path: Path
     roads: Mapping[str, Road]
     connections: Mapping[str, tuple[Connection, ...]]
+    has_swells: bool = False
     warnings: tuple[str, ...] = field(default=())
 
     def road(self, road_id: str | int) -> Road:
