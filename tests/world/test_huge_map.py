@@ -89,9 +89,3 @@ def test_what_is_wrong_behind_the_roads_is_found(tmp_path):
     path.write_text(document(road()).replace("</OpenDRIVE>", "<junction id='1'></OpenDRIVE>"))
     with pytest.raises(MapError, match="not well-formed"):
         load_map(path)
-
-
-def test_a_namespace_is_no_hindrance(tmp_path):
-    path = tmp_path / "map.xodr"
-    path.write_text(document(road()).replace("<OpenDRIVE>", '<OpenDRIVE xmlns="http://example.org/odr">'))
-    assert list(load_map(path).roads) == ["1"]

@@ -29,7 +29,7 @@ def best_cubic(x_m: Array, y_m: Array) -> Array:
     if x_m.size < 4:
         return NO_CUBIC
     basis, middle, half = _scaled(x_m)
-    return _unscaled(np.linalg.solve(basis @ basis.T, basis @ y_m), middle, half)
+    return _unscaled(np.linalg.solve(basis @ basis.T, basis @ y_m).tolist(), middle, half)
 
 
 def fitted(x_m: Array, y_m: Array) -> CubicFit:
@@ -40,7 +40,7 @@ def fitted(x_m: Array, y_m: Array) -> CubicFit:
     scaled = np.linalg.solve(basis @ basis.T, basis @ y_m)
     rest = y_m - scaled @ basis
     std_m = math.sqrt(float(rest @ rest) / x_m.size)
-    return CubicFit(coefficients=_unscaled(scaled, middle, half), std_m=std_m)
+    return CubicFit(coefficients=_unscaled(scaled.tolist(), middle, half), std_m=std_m)
 
 
 def _scaled(x_m: Array) -> tuple[Array, float, float]:
@@ -55,8 +55,8 @@ def _scaled(x_m: Array) -> tuple[Array, float, float]:
     return basis, middle, half
 
 
-def _unscaled(scaled: Array, m: float, half: float) -> Array:
+def _unscaled(scaled: list[float], m: float, half: float) -> Array:
     """Return c0..c3 (4,) in powers of x."""
-    a, b, c, d = scaled.tolist()
+    a, b, c, d = scaled
     b, c, d = b / half, c / half**2, d / half**3  # now in powers of (x - middle)
     return np.array([a - m * (b - m * (c - m * d)), b - m * (2 * c - 3 * m * d), c - 3 * m * d, d])
