@@ -66,10 +66,10 @@ def read_blf(
         for number, at, content in _contents(stream, first, begin):
             before = len(rest)  # of an object that began in the container before
             rest = rest + content if rest else content
-            position, used = done, -1
-            while used:
-                columns, used = _frames(rest[position:], start_ns, notes, frames_at_a_time(chunk))
-                position += used
+            position, before_that = done, -1
+            while position != before_that:
+                before_that = position
+                columns, position = _frames(rest, position, start_ns, notes, frames_at_a_time(chunk))
                 is_here = can_go_on and position >= before
                 notes.place = (number, at, position - before) if is_here else None
                 if len(columns.t_ns):
@@ -130,17 +130,16 @@ def _unpacked(body: bytes, place: int) -> bytes:
         raise _Broken(f"container {place} is damaged: {error}") from None
 
 
-def _frames(block: bytes, start_ns: int, notes: Notes, limit: int) -> tuple[Columns, int]:
-    """Return the first frames in `block`, at most `limit`, and how many bytes were used.
+def _frames(block: bytes, position: int, start_ns: int, notes: Notes, limit: int) -> tuple[Columns, int]:
+    """Return frames in `block` from `position` on, at most `limit`, and the position behind them.
 
-    What is left when no byte is used belongs to the next block.
+    What is left when that is the same belongs to the next block.
     """
     classic: list[int] = []
     stamps: list[int] = []
     order: list[int] = []
     others: list[Record] = []
-    position, end = 0, len(block)
-    at = 0
+    at, end = position, len(block)
     while len(classic) + len(others) < limit:
         at = block.find(b"LOBJ", position, position + 8)
         if at < 0 or at + 32 > end:

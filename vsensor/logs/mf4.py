@@ -33,7 +33,7 @@ from vsensor.logs.table import (
 )
 
 CHUNK = 1 << 16
-LEAST = 512  # records taken apart at a time: fewer take as long
+LEAST = 64  # records taken apart at a time: fewer take as long
 GROUPS = {"CAN_DataFrame": 0, "CAN_RemoteFrame": int(Flag.REMOTE), "CAN_ErrorFrame": int(Flag.ERROR)}
 """Name of a channel group -> flags of all its frames."""
 BITS = {"EDL": Flag.FD, "BRS": Flag.BITRATE_SWITCH, "ESI": Flag.ERROR_STATE, "Dir": Flag.TRANSMITTED}

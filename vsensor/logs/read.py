@@ -72,8 +72,10 @@ def read_chunks(
         with io.BufferedReader(raw) if isinstance(raw, GzipStream) else raw as stream:
             whole = io.BytesIO(stream.read()) if packed and reader is read_mf4 else stream
             wishes = {"chunk": chunk, "place": place}
-            for columns in reader(whole, notes, **{name: w for name, w in wishes.items() if w is not None}):
-                notes.read_bytes = raw.place if isinstance(raw, GzipStream) else raw.tell()
+            given = {name: wish for name, wish in wishes.items() if wish is not None}
+            for number, columns in enumerate(reader(whole, notes, **given)):
+                if number % 16 == 0 or len(columns.t_ns) >= 1024:  # it takes a system call
+                    notes.read_bytes = raw.place if isinstance(raw, GzipStream) else raw.tell()
                 yield columns
             if isinstance(raw, GzipStream) and raw.fault is not None:
                 notes.fault = raw.fault

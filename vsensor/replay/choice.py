@@ -51,7 +51,9 @@ class Selection:
 
     def mask(self, columns: Columns, channels: Mapping[str, int]) -> BoolArray:
         """Return which frames (N,) belong to it; `channels`: the log's channel numbers by name."""
-        mask: BoolArray = np.isin(keys_of(columns), list(self.keys))
+        mask: BoolArray = np.zeros(len(columns.t_ns), dtype=bool)
+        if self.keys:
+            mask |= np.isin(keys_of(columns), list(self.keys))
         for first, last in self.ranges:
             mask |= (columns.arbitration_id >= first) & (columns.arbitration_id <= last)
         numbers = [number for name, number in channels.items() if name in self.channels]

@@ -34,6 +34,9 @@ class Outputs:
 
     def sendable(self, columns: Columns) -> BoolArray:
         """Return which frames (N,) can be sent; the others are counted."""
+        there = set(columns.channel.tolist())
+        if not (columns.flags & (ERROR | FD | REMOTE)).any() and self._has_all(there):
+            return np.ones(len(columns.t_ns), dtype=bool)
         mask: BoolArray = (columns.flags & ERROR) == 0
         self._count("error frames, which a node cannot send on purpose", ~mask)
         no_frames = mask & ((columns.flags & (FD | REMOTE)) == FD | REMOTE)
@@ -41,7 +44,7 @@ class Outputs:
         mask &= ~no_frames
         if not self.buses:
             return mask
-        for number in np.unique(columns.channel).tolist():
+        for number in sorted(there):
             bus = self._bus(number)
             rows = mask & (columns.channel == number)
             if bus is None:
@@ -70,6 +73,9 @@ class Outputs:
     def name(self, number: int) -> str:
         """Return the log's name of a channel."""
         return next((name for name, n in self._channels.items() if n == number), str(number))
+
+    def _has_all(self, numbers: set[int]) -> bool:
+        return not self.buses or all(self._bus(number) is not None for number in numbers)
 
     def _bus(self, number: int) -> "FrameBus | None":
         if number not in self._by_number:

@@ -75,6 +75,15 @@ class Overlaid:
         self._motions = Motions()
 
     @property
+    def grain(self) -> int:
+        """About how many frames of the car are pulled at a time."""
+        return self._reel.grain
+
+    @grain.setter
+    def grain(self, frames: int) -> None:
+        self._reel.grain = frames
+
+    @property
     def opens_ns(self) -> int:
         """The replay's time before which there is nothing to pull: an image that may not be asked for yet.
 

@@ -16,7 +16,7 @@ from vsensor.replay.pulled import Pulled
 from vsensor.replay.report import Report
 from vsensor.replay.sender import Sender, Sending
 from vsensor.replay.stages import Stage
-from vsensor.replay.supply import SCARCE, Supply
+from vsensor.replay.supply import Supply
 from vsensor.types import Frame
 
 REST_NS = 20_000_000
@@ -162,6 +162,8 @@ class Player:
 
     def _next_due(self) -> int | None:
         """Return when the next frame is due, of the log or of a stage; None if there is none any more."""
+        while self._supply.must_pull(self._at_ns):
+            self._do(self._pulling)
         times = (self._supply.due_ns(self._at_ns), self._sender.next_wake_ns())
         return min((due_ns for due_ns in times if due_ns is not None), default=None)
 
@@ -193,8 +195,8 @@ class Player:
     def _chore(self, left_ns: int) -> Chore | None:
         """Return what is to be done and fits into `left_ns`."""
         supply = self._supply
-        may_pull = self._pulling.fits(left_ns) and supply.may_pull(self._at_ns)
-        if may_pull and supply.ahead.count < SCARCE:
+        may_pull = supply.may_pull(self._at_ns) and self._may_pull_within(left_ns)
+        if may_pull and supply.is_scarce:
             return self._pulling
         if self.now_ns - self._heard_ns >= LISTEN_NS and self._listening.fits(left_ns):
             return self._listening
@@ -203,6 +205,16 @@ class Player:
         if self._sender.has_unrecorded and self._recording.fits(left_ns):
             return self._recording
         return self._pulling if may_pull else None
+
+    def _may_pull_within(self, left_ns: int) -> bool:
+        """Return whether a pull fits into `left_ns`; with little ahead, pulls get smaller until one does."""
+        if self._pulling.fits(left_ns):
+            if left_ns > 4 * self._pulling.cost_ns:
+                self._supply.coarser()
+            return True
+        if self._supply.is_scarce:
+            self._supply.finer()
+        return False
 
     def _do(self, chore: Chore) -> None:
         before_ns = self.now_ns

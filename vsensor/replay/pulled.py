@@ -12,9 +12,11 @@ class Pulled(Protocol):
     """Frames with the times they are due, pulled in that order.
 
     `lead_ns`: so long before it is due the new place of a seek is told, at the least, while there is time.
+    `grain`: about how many frames are pulled at a time, which may be changed.
     """
 
     start_ns: int
+    grain: int
     ended: bool
     most_ahead: int
     lead_ns: int

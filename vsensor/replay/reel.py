@@ -10,7 +10,7 @@ from vsensor.logs import Columns, frames_of
 from vsensor.replay.beat import InStep, rest_of_image
 from vsensor.replay.choice import EXTENDED_KEY, Choice
 from vsensor.replay.marks import Marks
-from vsensor.replay.reading import SURVEY, Cut, Reading, Survey
+from vsensor.replay.reading import SURVEY, Cut, Reading, Run, Survey
 from vsensor.replay.timeline import Pace, Place, looped, moved, paced, seam_of
 from vsensor.types import BoolArray, Frame, IntArray
 
@@ -82,6 +82,15 @@ class Reel:
         self._begin(self.start_ns)
         while self._is_before:
             self._is_before = not self._reading.skip(self.start_ns, SURVEY)
+
+    @property
+    def grain(self) -> int:
+        """About how many frames are pulled at a time."""
+        return self._size
+
+    @grain.setter
+    def grain(self, frames: int) -> None:
+        self._size = self._reading.size = frames
 
     @property
     def is_in_step(self) -> bool:
@@ -160,16 +169,16 @@ class Reel:
             within &= m_ns < self._cut.stop_ns
         if not within.any():
             return None
-        self._end_ns = int(m_ns[within][-1])
+        self._end_ns = int(m_ns[-1]) if within[-1] else int(m_ns[within][-1])
         return self._piece(columns, m_ns, within)
 
     def _piece(self, columns: Columns, m_ns: IntArray, within: BoolArray) -> Piece | None:
         rows = within & self._choice.mask(columns, self.channels)
-        if self._sendable is not None and rows.any():
-            rows[rows] = self._sendable(columns.taken(rows))
-        if not rows.any():
+        chosen, m_ns = _taken(columns, m_ns, rows)
+        if self._sendable is not None and len(m_ns):
+            chosen, m_ns = _taken(chosen, m_ns, self._sendable(chosen))
+        if not len(m_ns):
             return None
-        chosen, m_ns = columns.taken(rows), m_ns[rows]
         if self._step is not None:
             chosen, m_ns, self._place = self._step.take(chosen, m_ns, self._place)
         return self._timed(chosen, m_ns)
@@ -213,3 +222,8 @@ class Reel:
             return ""
         last_s = (self._reading.order.last_ns - self._first_ns) / 1e9
         return f"; its frames were looked at from 0 to {last_s:.3f} s"
+
+
+def _taken(columns: Columns, m_ns: IntArray, rows: BoolArray) -> Run:
+    """Return the chosen frames; they are seldom copied, as mostly all are."""
+    return Run(columns, m_ns) if rows.all() else Run(columns.taken(rows), m_ns[rows])

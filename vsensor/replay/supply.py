@@ -16,6 +16,7 @@ from vsensor.replay.reading import Reading
 from vsensor.types import Frame
 
 SCARCE = 256  # frames; below it reading comes before everything else that can wait
+FINEST = 16  # frames pulled at a time, where there is time for no more: they take half as long as 64
 
 
 @dataclass(slots=True)
@@ -41,6 +42,7 @@ class Supply:
         self.seeking: Seek | None = None
         self._real_time = real_time
         self._log_ns = reel.start_ns  # of the latest frame taken
+        self._coarsest = reel.grain
 
     @property
     def position_ns(self) -> int:
@@ -52,18 +54,35 @@ class Supply:
         """Whether the place of a seek is not found yet."""
         return self.seeking is not None and self.seeking.is_searching
 
+    @property
+    def is_scarce(self) -> bool:
+        """Whether little is read ahead."""
+        return self.ahead.count < SCARCE
+
+    def finer(self) -> None:
+        """Pull fewer frames at a time."""
+        self.reel.grain = max(FINEST, self.reel.grain // 2)
+
+    def coarser(self) -> None:
+        """Pull more frames at a time, which takes less for each."""
+        self.reel.grain = min(self._coarsest, self.reel.grain * 2)
+
     def due_ns(self, at_ns: int) -> int | None:
         """Return when the next frame is due, or may be asked for; None if there is none any more."""
-        times = [self.ahead.first().due_ns] if self.fill(at_ns) else []
+        times = [self.ahead.first().due_ns] if self.ahead.count else []
         if not self.reel.ended and not self._is_open(at_ns):  # there will be more, and it is waited for
             times.append(self.reel.opens_ns)
         return min(times, default=None)
 
-    def fill(self, at_ns: int | None = None) -> bool:
-        """Read until there is a frame to send; False if there is none any more, or (at a time) none yet."""
-        while not self.ahead.count and not self.reel.ended and (at_ns is None or self._is_open(at_ns)):
+    def fill(self) -> bool:
+        """Read until there is a frame to send, whatever the time; False if there is none any more."""
+        while not self.ahead.count and not self.reel.ended:
             self.pull()
         return bool(self.ahead.count)
+
+    def must_pull(self, at_ns: int) -> bool:
+        """Return whether nothing is there to send, and something to pull."""
+        return not self.ahead.count and not self.reel.ended and self._is_open(at_ns)
 
     def may_pull(self, at_ns: int) -> bool:
         """Return whether there is something to pull now."""

@@ -45,7 +45,10 @@ def in_order(state: Order, t_ns: IntArray) -> tuple[Order, IntArray]:
     if not len(t_ns):
         return state, t_ns
     before = int(t_ns[0]) if state.last_t_ns is None else state.last_t_ns
-    steps = np.diff(t_ns, prepend=before)
+    steps = _steps(before, t_ns)
+    if int(steps.min()) > 0 and int(t_ns[0]) + state.shift_ns >= state.last_ns:  # nothing to do, mostly
+        ordered = t_ns + state.shift_ns
+        return replace(state, last_t_ns=int(t_ns[-1]), last_ns=int(ordered[-1])), ordered
     set_back = steps < -CLOCK_SET_NS
     shifts = state.shift_ns + np.cumsum(np.where(set_back, -steps, 0))
     first = int(t_ns[0]) if state.last_t_ns is None else state.last_ns
@@ -85,12 +88,20 @@ def paced(pace: Pace, place: Place, m_ns: IntArray) -> tuple[Place, IntArray]:
     """Return when the frames of log times `m_ns` (N,), in order, are due; ns since the beginning."""
     if not len(m_ns):
         return place, m_ns
-    steps = np.diff(m_ns, prepend=place.at_ns)
+    steps = _steps(place.at_ns, m_ns)
     if pace.max_gap_ns is not None:
         steps = np.minimum(steps, pace.max_gap_ns)
     elapsed = place.elapsed_ns + np.cumsum(np.maximum(steps, 0))
-    due = elapsed * pace.speed.denominator // pace.speed.numerator
+    due = elapsed if pace.speed == 1 else elapsed * pace.speed.denominator // pace.speed.numerator
     return Place(at_ns=int(m_ns[-1]), elapsed_ns=int(elapsed[-1])), due
+
+
+def _steps(before: int, times: IntArray) -> IntArray:
+    """Return the intervals (N,) of times, of which `before` is the one before; `np.diff` takes 8 us more."""
+    steps = np.empty_like(times)
+    steps[0] = times[0] - before
+    np.subtract(times[1:], times[:-1], out=steps[1:])
+    return steps
 
 
 def moved(pace: Pace, at_ns: int, due_ns: int) -> Place:
