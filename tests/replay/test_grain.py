@@ -1,4 +1,4 @@
-"""How much is read at a time: small pieces where frames leave no pause, so that none waits for a large one."""
+"""How much is read at a time: small pieces where frames leave no pause, as a frame waits for a large one."""
 
 import numpy as np
 
