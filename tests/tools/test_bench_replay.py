@@ -86,6 +86,10 @@ GOOD = {
     "convert": [{"seconds": 1.0, "memory_mb": 120.0}, {"seconds": 4.0, "memory_mb": 121.0}],
     "first_frame_s": {"short.log": 0.9, "long.log": 1.0, "long.blf": 1.0, "long.mf4": 1.0},
     "memory_mb": [140.0, 141.0],
+    "overlay": {
+        "10": {"lateness": {"p50": 0.25, "p99": 0.75}, "duration_error_ms": 0.5, "frames_per_s": 12000.0}
+    },
+    "gateway": {"latency": {"p50": 0.125, "p99": 0.5}, "refused": 0, "images": 370, "images_lost": 5},
 }
 CASES = {
     ("vcan", "drive", "ours"): (one(0.8, 0.31), 1),
@@ -118,6 +122,12 @@ def test_what_is_too_late_too_slow_or_lost_is_called_missed(keys):
     value, missed = CASES[keys]
     place[keys[-1]] = value
     assert f"{missed} of 23 targets missed" in page(bad)
+
+
+def test_what_a_sensor_that_is_laid_over_costs_is_said():
+    text = page(GOOD)
+    for shown in ("0.250, 0.750 ms", "+0.5 ms, 12000 frames/s", "0.125, 0.500 ms", "0, 5 of 375"):
+        assert shown in text
 
 
 def test_a_player_that_lost_frames_keeps_no_target_of_time():

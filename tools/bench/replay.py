@@ -1,6 +1,8 @@
 """Replay and conversion as users run them: on times beside other players, held rates, long logs, memory."""
 
+import contextlib
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -18,6 +20,8 @@ DRIVE = ROOT.parent / "shared" / "data" / "can" / "rav4_drive.log"
 T0_NS = 1_700_000_000 * 10**9
 STEADY_HZ, FULL_HZ = 3000, 8000
 MILLION = 1_000_000
+LAID_S = {"1": 15.0, "10": 45.0}
+"""Speed -> seconds of the drive that a sensor is laid over."""
 BLOCK = 100_000
 METER = """
 import json, resource, subprocess, sys, time
@@ -49,7 +53,23 @@ def replay(seconds: float = 60.0, million: int = MILLION) -> dict[str, object]:
             }
             for log in (drive, full)
         }
-        return {**found, **long_logs(folder, million)}
+    found |= laid(min(1.0, seconds / 60.0))
+    with tempfile.TemporaryDirectory() as name:
+        return {**found, **long_logs(Path(name), million)}
+
+
+def laid(part: float) -> dict[str, object]:
+    """Lay a sensor over the drive at two speeds, and over a car on vcan; `part` of the usual times."""
+    here = [sys.executable, "-m", "tools.bench.laid"]
+    found: dict[str, object] = {
+        "overlay": {
+            speed: _json([*here, "overlay", speed, str(DRIVE), str(seconds * part)])
+            for speed, seconds in LAID_S.items()
+        }
+    }
+    with contextlib.suppress(subprocess.CalledProcessError):  # that there is no vcan was said before
+        found["gateway"] = _json([str(ROOT / "tools" / "vcan"), *here, "gateway", str(15.0 * part)])
+    return found
 
 
 def write_logs(folder: Path, seconds: float) -> tuple[Path, Path, Path]:
@@ -74,6 +94,7 @@ def long_logs(folder: Path, million: int) -> dict[str, object]:
     ):
         log = folder / name
         _write(log, count, FULL_HZ)
+        os.sync()  # or the disk is still busy with it
         began_ns = time.time_ns()
         _timed("replay", log, "--bus", "virtual:bench", "--stop", "0.5", "--log", played)
         first_s[name] = (next(iter_frames(played)).due_ns - began_ns) / 1e9

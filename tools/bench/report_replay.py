@@ -33,7 +33,7 @@ def targets(found: Report) -> list[Row]:
     what = "replay's schedule at the send call, this machine's kernel, beyond the queue: p99"
     rows.append((what, f"{SCHEDULE_P99_MS} ms", f"{p99:.3f} ms", p99 <= SCHEDULE_P99_MS))
     rows += _held("8000 frames/s, the schedule", found["schedule"]["full"]["ours"])
-    return rows + _long(found)
+    return rows + _laid(found) + _long(found)
 
 
 def page(found: Report) -> str:
@@ -92,6 +92,29 @@ def _held(what: str, one: Report) -> list[Row]:
         (f"held rate, {what}: p99", f"{HELD_P99_MS:g} ms", f"{p99:.3f} ms", p99 < HELD_P99_MS),
         _order("the same", one),
     ]
+
+
+def _laid(found: Report) -> list[Row]:
+    rows: list[Row] = []
+    for speed, one in found.get("overlay", {}).items():
+        off_ms = f"{one['duration_error_ms']:+.1f} ms, {one['frames_per_s']:.0f} frames/s"
+        what = f"replay with an overlay at speed {speed}, the schedule: lateness p50, p99"
+        rows += [
+            (what, "", _pair(one["lateness"]), None),
+            ("the same: duration's error, rate", "", off_ms, None),
+        ]
+    if "gateway" in found:
+        one = found["gateway"]
+        lost = f"{one['refused']}, {one['images_lost']} of {one['images'] + one['images_lost']}"
+        rows += [
+            ("gateway on vcan, kernel's receive time to sent: p50, p99", "", _pair(one["latency"]), None),
+            ("the same: frames refused, images too late", "", lost, None),
+        ]
+    return rows
+
+
+def _pair(figures: Report) -> str:
+    return f"{figures['p50']:.3f}, {figures['p99']:.3f} ms"
 
 
 def _long(found: Report) -> list[Row]:
