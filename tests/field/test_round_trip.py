@@ -8,8 +8,9 @@ import os
 import numpy as np
 import pytest
 
+from tools.compared import compare, law_truth
 from tools.made_law import CORRELATION_TIME_S
-from tools.round_trip import compare, law_truth, learned, scanned
+from tools.round_trip import DASHED, learned, scanned
 from vsensor.cli import main
 from vsensor.error_model import load_library
 from vsensor.field.table import open_table
@@ -38,7 +39,7 @@ def model(place):
 
 def test_the_law_is_learned_back_from_the_logs_alone(model, place):
     law = load_library(place / "learned" / "drives" / "law.npz").models["day"]
-    found = compare(model, law_truth(law, 20_000), CORRELATION_TIME_S)
+    found = compare(model, law_truth(law, DASHED, count=24_000), CORRELATION_TIME_S)
     level = int(np.argmin(np.abs(found.levels - 0.95)))
     far = found.range_m >= 8.0  # nearer the bus's rounding and the map's reference are no longer small
     assert np.median(np.abs(found.off[level, far])) < 0.12

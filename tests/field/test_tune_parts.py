@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
+from scipy.special import ndtri
 from scipy.stats import expon
 
 from vsensor.errors import TableError
@@ -14,10 +15,16 @@ from vsensor.field.tune.correlation import correlation_length_m, correlation_tim
 from vsensor.field.tune.dwell import dwell_quantiles, dwells_of
 from vsensor.field.tune.fir import along_speed, local_scale, low_pass, wider
 from vsensor.field.tune.grid import BIN_WIDTH, SIZES, bin_of, signed_edges
-from vsensor.field.tune.quantiles import share_interval, signed_quantiles, size_quantiles, sizes_of
+from vsensor.field.tune.quantiles import (
+    effective_count,
+    share_interval,
+    signed_quantiles,
+    size_quantiles,
+    sizes_of,
+)
 from vsensor.field.tune.reading import Images
 from vsensor.field.tune.region import REACH_BINS, operating_region, range_share
-from vsensor.field.tune.surface import _variance
+from vsensor.field.tune.surface import _variance, unfiltered_m
 
 # --- bins and quantiles -----------------------------------------------------------------------------------
 
@@ -58,6 +65,21 @@ def test_quantiles_of_nothing_are_unknown():
     assert np.isnan(size_quantiles(np.zeros((3, SIZES)), np.array([0.5]))).all()
 
 
+def test_what_is_shown_before_the_low_pass_is_each_speeds_own_quantile():
+    random = np.random.default_rng(7)
+    errors = [random.standard_t(5, 4000).astype(np.float32) * scale for scale in (0.02, 0.05)]
+    scale_m = np.array([0.03, 0.04])
+    counts = np.stack(
+        [
+            np.bincount(bin_of((one / scale).astype(np.float32)), minlength=2 * SIZES)
+            for one, scale in zip(errors, scale_m, strict=True)
+        ]
+    )
+    levels = np.array([0.5, 0.95])
+    own = np.stack([np.quantile(np.abs(one), levels) for one in errors], axis=1)
+    np.testing.assert_allclose(unfiltered_m(counts, levels, scale_m), own, rtol=BIN_WIDTH)
+
+
 def test_the_share_interval_is_that_of_a_binomial():
     from scipy.stats import binom
 
@@ -78,6 +100,44 @@ def test_the_variance_of_shares_is_that_of_the_block_bootstrap():
     plain = (below[drawn].sum(axis=1) / rows[drawn].sum(axis=1)).var()
     np.testing.assert_allclose(found[0, 0, 0], plain, rtol=0.05)
     np.testing.assert_allclose(blocks[0, 0], rows.sum() ** 2 / (rows**2).sum())
+
+
+def covered(block_s, replicas=500, blocks=60, time_s=0.8, period_s=0.04):
+    """How often the interval of |z| holds the true quantile, by level: z is AR(1), some in each block.
+
+    An interval of the quantile holds it if that of the share holds the share that lies below it.
+    """
+    random = np.random.default_rng(12)
+    counts = random.geometric(period_s / 10.0, blocks)  # the vehicle's speed is in a cell for some 10 s
+    size = int(counts.sum())
+    z = np.abs(ar1(time_s, period_s, size, replicas, seed=13)).T
+    rows = np.bincount((np.arange(size) * period_s / block_s).astype(int))
+    starts = np.concatenate([[0], np.cumsum(rows)[:-1]])
+    levels = np.array([0.5, 0.8, 0.9, 0.95, 0.97, 0.99])
+    total = np.broadcast_to(rows.sum(), (1, replicas))
+    inside = []
+    for level in levels:
+        found = np.quantile(z, level, axis=1, keepdims=True)
+        below = np.add.reduceat((z <= found).astype(np.int64), starts, axis=1)
+        squares = [(below * below).sum(axis=1), (below * rows).sum(axis=1)]
+        squares = [one[None, None] for one in squares]
+        squares.append(np.broadcast_to((rows * rows).sum(), (1, replicas)))
+        variance, effective_blocks = _variance(below.sum(axis=1)[None, None] / total, total, squares)
+        one = np.array([level])
+        low, high = share_interval(one, effective_count(one, variance, effective_blocks))
+        true = (z <= ndtri(0.5 + 0.5 * level)).mean(axis=1)
+        inside.append(np.mean((low[0, 0] <= true) & (true <= high[0, 0])))
+    return np.array(inside)
+
+
+def test_intervals_hold_the_true_quantile_of_correlated_errors_in_95_percent_of_the_cases():
+    found = covered(block_s=60.0)
+    assert 0.93 < found.mean() < 0.97
+    assert np.all((found > 0.92) & (found < 0.98))
+
+
+def test_blocks_that_are_not_longer_than_the_correlation_time_make_intervals_too_narrow():
+    assert covered(block_s=0.4, replicas=200).mean() < 0.85
 
 
 # --- the filter -------------------------------------------------------------------------------------------
@@ -146,8 +206,6 @@ def test_the_correlation_length_of_a_squared_exponential_is_found(length_m):
 def test_scores_of_tied_quantiles_are_in_their_middle():
     levels = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
     found = scores_of(np.array([0.5, 1.0]), np.array([0.5, 1.0, 1.0, 1.0, 1.0]), levels)
-    from scipy.special import ndtri
-
     np.testing.assert_allclose(found, [ndtri(0.1), 0.5 * (ndtri(0.3) + ndtri(0.9))])
 
 

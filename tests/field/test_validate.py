@@ -141,6 +141,29 @@ def test_the_fit_matrix_is_the_fit_of_the_sensor():
     np.testing.assert_allclose(found, [line.y_at(at) for at in ranges], atol=1e-12)
 
 
+def test_the_dashes_of_a_line_go_by_as_it_is_driven_along():
+    setting = FitSetting(dashes_m=(6.0, 12.0))
+    driven, x = np.arange(0.1, 40.0, 1.5), np.arange(0.0, 50.0, 0.5) + 0.25
+    phases = setting.phase_at(driven)
+    for way, phase in zip(driven, phases.tolist(), strict=True):
+        np.testing.assert_array_equal(setting.painted(x, phase), (x + way) % 18.0 < 6.0)
+    assert FitSetting().painted(x, 0).all()
+
+
+def test_beside_the_vehicle_a_dashed_lines_fit_errs_as_its_nearest_dash_lets_it():
+    model = law_model(signed_m=norm.ppf(SIGNED_LEVELS)[:, None, None] * np.full((4, len(SPEEDS)), 0.1))
+    model = dataclasses.replace(model, applied_signed_m=model.signed_m, applied_length_m=25.0)
+    sensor = VirtualSensor.of(model, FitSetting(dashes_m=(6.0, 12.0)))
+    z = np.random.default_rng(6).standard_normal((24_000, len(sensor.grid_m))) @ sensor.factor.T
+    found = sensor.errors(z, np.full(len(z), 20.0)).std(axis=0)
+    spread, column = 0.1 * sensor.factor, 10
+    of_phases = [((matrix @ spread) ** 2).sum(axis=1) for matrix in sensor.matrices[column]]
+    np.testing.assert_allclose(found, np.sqrt(np.mean(of_phases, axis=0)), rtol=0.02)
+    solid = VirtualSensor.of(model, FitSetting())
+    beside = np.sqrt(((solid.matrices[column][0] @ spread) ** 2).sum(axis=1))
+    assert found[0] > 1.1 * beside[0]
+
+
 def test_virtual_errors_have_the_law_and_the_correlation_time():
     sensor = VirtualSensor.of(law_model(), FitSetting())
     z = sensor.drive(np.full(120_000, 0.04), np.random.default_rng(3))

@@ -18,7 +18,7 @@ from tools.made_drives import (
     made,
     scenario_of,
 )
-from tools.made_law import LEVELS, reported_quantiles_m, student_library, student_model
+from tools.made_law import LEVELS, quantiles_m, reported_errors_m, student_library, student_model
 from vsensor.config import load_scenario
 from vsensor.draws import Draws
 from vsensor.error_model import (
@@ -122,7 +122,7 @@ def test_what_is_said_to_be_reported_is_what_the_sensors_own_fit_reports():
     fits = fit_lines(LaneFitConfig(), moved, np.zeros(len(moved.points_ego_m)))
     ranges = np.array([5.0, 30.0, 80.0])
     reported = np.array([[fit.y_at(x) for x in ranges] for fit in fits])
-    said = reported_quantiles_m(model, LEVELS, ranges, speed_mps, count=40_000)
+    said = quantiles_m(reported_errors_m(model, ranges, speed_mps, count=40_000), LEVELS)
     share = (reported[:, None, :] <= said).mean(axis=0)
     error = 4.5 * np.sqrt(LEVELS * (1 - LEVELS) * (1 / count + 1 / 40_000))
     assert (abs(share - LEVELS[:, None]) < error[:, None]).all()

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from vsensor.cli.adding import Commands, command, rows_bar, shows_progress, tables_argument
-from vsensor.cli.values import even, levels, metres, positive, seed, share
+from vsensor.cli.values import dashes, even, levels, metres, positive, seed, share
 
 TUNE_HELP = """\
 Learn an error model from tables that `vsensor scan` wrote: how large errors are over range and speed.
@@ -52,7 +52,7 @@ def tune(arguments: argparse.Namespace) -> int:
         block_s=arguments.block,
         least_seconds=arguments.least_seconds,
         close_loop=not arguments.open_loop,
-        setting=FitSetting(seen_from_m=arguments.seen_from),
+        setting=FitSetting(seen_from_m=arguments.seen_from, dashes_m=arguments.dashes),
         seed=arguments.seed or 0,
         scheduler=arguments.scheduler,
         progress=shows_progress(arguments),
@@ -78,7 +78,7 @@ def validate(arguments: argparse.Namespace) -> int:
             table,
             out=arguments.out,
             limits=arguments.limits,
-            setting=FitSetting(seen_from_m=arguments.seen_from),
+            setting=FitSetting(seen_from_m=arguments.seen_from, dashes_m=arguments.dashes),
             seed=arguments.seed or 0,
             progress=advance,
         )
@@ -125,7 +125,7 @@ def add_tune(commands: Commands) -> None:
         help="of driving, or a cell is blind (60)",
     )
     option("--open-loop", action="store_true", help="do not correct for the fit")
-    option("--seen-from", type=metres, default=0.0, metavar="M", help="where the sensor's points begin (0 m)")
+    _fit_options(added)
     option("--plots", type=Path, metavar="DIR", help="pages of pictures")
     option("--seed", type=seed, metavar="N", help="of the draws that close the loop (0)")
     option("--scheduler", metavar="ADDRESS", help="Dask scheduler; its workers must see the same table")
@@ -140,6 +140,18 @@ def add_validate(commands: Commands) -> None:
     option = added.add_argument
     option("--out", type=Path, metavar="FILE", help="a page of figures and pictures: .html or .pdf")
     option("--limits", type=Path, metavar="FILE", help="limits that differ from the defaults: .toml")
-    option("--seen-from", type=metres, default=0.0, metavar="M", help="where the sensor's points begin (0 m)")
+    _fit_options(added)
     option("--seed", type=seed, metavar="N", help="of the virtual drives (0)")
     option("--quiet", action="store_true", help="no progress bar")
+
+
+def _fit_options(added: argparse.ArgumentParser) -> None:
+    option = added.add_argument
+    option("--seen-from", type=metres, default=0.0, metavar="M", help="where the sensor's points begin (0 m)")
+    option(
+        "--dashes",
+        type=dashes,
+        default=(1.0, 0.0),
+        metavar="PAINT,GAP",
+        help="m of paint and gap where most lines were dashed: a fit errs more at their ends (solid)",
+    )

@@ -20,6 +20,17 @@ def metres(text: str) -> float:
     return value
 
 
+def dashes(text: str) -> tuple[float, float]:
+    """Read metres of paint and gap."""
+    words = text.split(",")
+    if len(words) != 2:
+        raise argparse.ArgumentTypeError(f"{text}: expected metres of paint and gap such as 6,12")
+    paint_m, gap_m = (metres(word) for word in words)
+    if not paint_m > 0.0:
+        raise argparse.ArgumentTypeError(f"{text}: expected some paint")
+    return paint_m, gap_m
+
+
 def hertz(text: str) -> float:
     """Return a rate per second."""
     value = _number(text)

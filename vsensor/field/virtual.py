@@ -19,20 +19,42 @@ from vsensor.error_model.law import correlation_factor, quantile, range_grid, ta
 from vsensor.error_model.reach import Region
 from vsensor.lanefit import LaneFitConfig, operator
 from vsensor.scene import SceneConfig
-from vsensor.types import Array
+from vsensor.types import Array, BoolArray, IntArray
 
 POINT_STEP_M = 0.5
+PHASES = 12
+"""Places of a dashed line's dashes that are told apart."""
 EVEN = 0.05
 """Steps in time that differ by less than this part are one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitSetting:
-    """How the sensor that will use a model fits: its configuration, and where its points begin and end."""
+    """How the sensor that will use a model fits: its configuration, and where its points are.
+
+    They begin at `seen_from_m` and end at `seen_to_m`; `dashes_m`: paint and gap of a dashed line, a gap of
+    0 is a solid one.
+    """
 
     config: LaneFitConfig = field(default_factory=LaneFitConfig)
     seen_from_m: float = 0.0
     seen_to_m: float = SceneConfig().range_m
+    dashes_m: tuple[float, float] = (1.0, 0.0)
+
+    @property
+    def phases(self) -> int:
+        """In how many places the dashes may lie: 1 of a solid line."""
+        return PHASES if self.dashes_m[1] > 0.0 else 1
+
+    def painted(self, x_m: Array, phase: int) -> BoolArray:
+        """Return where there is paint (N,) when the vehicle has passed so many phases of the dashes."""
+        period_m = sum(self.dashes_m)
+        return np.asarray((x_m + phase / self.phases * period_m) % period_m < self.dashes_m[0])
+
+    def phase_at(self, driven_m: Array) -> IntArray:
+        """Return the phase (N,) after ways driven (N,)."""
+        part = driven_m / sum(self.dashes_m) % 1.0
+        return np.minimum((part * self.phases).astype(np.int64), self.phases - 1)
 
 
 def fit_matrix(config: LaneFitConfig, x_m: Array, grid_m: Array, range_m: Array) -> Array:
@@ -47,9 +69,10 @@ def fit_matrix(config: LaneFitConfig, x_m: Array, grid_m: Array, range_m: Array)
     return np.asarray(np.vander(range_m, len(powers), increasing=True) @ powers @ on_points)
 
 
-def points_at(model: ErrorModel, setting: FitSetting, speed_mps: float) -> Array:
+def points_at(model: ErrorModel, setting: FitSetting, speed_mps: float, phase: int = 0) -> Array:
     """Return x (N,) of a line's points at a speed: up to the operating range, without what is blind."""
     x = np.asarray(np.arange(setting.seen_from_m, setting.seen_to_m, POINT_STEP_M), np.float64)
+    x = x[setting.painted(x, phase)]
     region = Region.of(model)
     if region is None:
         return x
@@ -69,13 +92,14 @@ def reach_of(model: ErrorModel, speed_mps: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VirtualSensor:
-    """One model ready for bulk: per speed column a table (S, G) and a fit matrix (R, G)."""
+    """One model ready for bulk: per speed column a table (S, G) and a fit matrix (R, G) for each phase."""
 
     model: ErrorModel
+    setting: FitSetting
     grid_m: Array
     knots: Array
     tables_m: Array
-    matrices: Mapping[int, Array]
+    matrices: Mapping[int, tuple[Array, ...]]
     factor: Array
 
     @classmethod
@@ -87,13 +111,21 @@ class VirtualSensor:
 
         grid = range_grid(model.range_m, model.applied_length_m)
         chosen = range(len(model.speed_mps)) if columns is None else columns
-        points = {k: points_at(model, setting, float(model.speed_mps[k])) for k in chosen}
+        phases = range(setting.phases)
+        points = {
+            k: [points_at(model, setting, float(model.speed_mps[k]), phase) for phase in phases]
+            for k in chosen
+        }
         return cls(
             model=model,
+            setting=setting,
             grid_m=grid,
             knots=ndtri(model.signed_levels),
             tables_m=table_on(grid, model, model.applied_signed_m),
-            matrices={k: fit_matrix(setting.config, x, grid, model.range_m) for k, x in points.items()},
+            matrices={
+                k: tuple(fit_matrix(setting.config, x, grid, model.range_m) for x in each)
+                for k, each in points.items()
+            },
             factor=correlation_factor(grid, model.applied_length_m),
         )
 
@@ -102,14 +134,21 @@ class VirtualSensor:
         at = np.searchsorted(self.grid_m, self.model.range_m)
         return quantile(self.knots, self.tables_m[column][:, at], z[:, at])
 
-    def errors(self, z: Array, speed_mps: Array) -> Array:
-        """Return the reported errors (N, R) of processes `z` (N, G) at speeds (N,), of the nearest column."""
+    def errors(self, z: Array, speed_mps: Array, driven_m: Array | None = None) -> Array:
+        """Return the reported errors (N, R) of processes `z` (N, G) at speeds (N,), of the nearest column.
+
+        `driven_m` (N,) is the way to each image: where the dashes are. Without it every phase in turn.
+        """
         step = np.searchsorted(0.5 * (self.model.speed_mps[1:] + self.model.speed_mps[:-1]), speed_mps)
+        phases = self.setting.phases
+        phase = np.arange(len(z)) % phases if driven_m is None else self.setting.phase_at(driven_m)
+        place = step * phases + phase
         found = np.empty((len(z), len(self.model.range_m)))
-        for column in np.unique(step).tolist():
-            here = step == column
+        for one in np.unique(place).tolist():
+            here = place == one
+            column = one // phases
             moved = quantile(self.knots, self.tables_m[column], z[here])
-            found[here] = moved @ self.matrices[column].T
+            found[here] = moved @ self.matrices[column][one % phases].T
         return found
 
     def drive(self, steps_s: Array, random: np.random.Generator) -> Array:

@@ -78,7 +78,7 @@ def _laws(sensor: VirtualSensor, z: Array, columns: np.ndarray) -> Array:
 def _columns(model: ErrorModel, setting: FitSetting) -> np.ndarray:
     """Return the speed columns that are looked at: every 2.5 m/s of those where a line can be fitted."""
     sensor = VirtualSensor.of(model, setting)
-    fitted = [k for k, matrix in sensor.matrices.items() if matrix.any()]
+    fitted = [k for k, each in sensor.matrices.items() if all(matrix.any() for matrix in each)]
     seen = np.array([k for k in fitted if not model.blind[:, k].all()], dtype=np.int64)
     step = max(round(SPEED_STEP_MPS / float(model.speed_mps[1] - model.speed_mps[0])), 1)
     return np.unique(np.append(seen[::step], seen[-1:]))

@@ -67,6 +67,11 @@ def surfaces(
     )
 
 
+def unfiltered_m(counts: np.ndarray, levels: Array, scale_m: Array) -> Array:
+    """Return the quantiles (L, V) of each speed alone, of one range's counts (V, bins) and scales (V,)."""
+    return size_quantiles(sizes_of(counts.astype(np.float64)), levels) * scale_m
+
+
 def band_table(found: Surfaces) -> np.ndarray:
     """Return how many of the levels' surfaces each bin is above (V, R, 2 SIZES), uint8."""
     edges = size_edges()

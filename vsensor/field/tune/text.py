@@ -8,7 +8,7 @@ import numpy as np
 from vsensor.error_model import ErrorModel
 from vsensor.field.tune.correlation import time_curve
 from vsensor.field.tune.survey import REACH_BINS, REACH_STEP_M
-from vsensor.field.tune.tuning import Condition, Tuned
+from vsensor.field.tune.tuning import Condition, Tuned, shown_row
 from vsensor.pages import COLOURS, density, new_figure, png_of, require_folder
 from vsensor.study.table import replace_file
 
@@ -72,7 +72,7 @@ def write_plots(folder: Path, tuned: Tuned) -> list[Path]:
     for one in tuned.conditions:
         pages = {
             "surface": surface_page(one.model),
-            "confidence": confidence_page(one.model),
+            "confidence": confidence_page(one),
             "reach": reach_page(one, tuned),
             "correlation": correlation_page(one),
         }
@@ -103,12 +103,15 @@ def surface_page(model: ErrorModel) -> Any:
     return figure
 
 
-def confidence_page(model: ErrorModel) -> Any:
-    """Draw each level over range at the busiest speed, and over speed at 20 m (P1 fig. 3.9, 3.10)."""
-    figure = new_figure(11.0, 4.5)
+def confidence_page(one: Condition) -> Any:
+    """Draw each level over range at the busiest speed, and over speed at 20 m (P1 fig. 3.9, 3.10).
+
+    Over speed thin lines are what each speed alone says, before the low-pass.
+    """
+    model, figure = one.model, new_figure(11.0, 4.5)
     seen = ~model.blind
     column = int(np.argmax(np.where(seen, model.seconds, 0.0).sum(axis=0)))
-    row = int(np.argmin(np.abs(model.range_m - 20.0)))
+    row = shown_row(model)
     over_range, over_speed = figure.subplots(1, 2)
     for k, level in enumerate(model.levels):
         colour = COLOURS[k % len(COLOURS)]
@@ -121,12 +124,14 @@ def confidence_page(model: ErrorModel) -> Any:
             axes.plot(x, line, color=colour, label=f"{level:.0%}")
             low, high = model.absolute_low_m[k][part], model.absolute_high_m[k][part]
             axes.fill_between(x, low, high, where=known, color=colour, alpha=0.25, lw=0)
+        over_speed.plot(model.speed_mps, one.unfiltered_m[k], color=colour, lw=0.6, alpha=0.6)
     over_range.set(xlabel="range (m)", ylabel="|error| (m)")
     over_range.set_title(
         f"confidence levels at {model.speed_mps[column]:.1f} m/s, 95 % intervals", fontsize=9
     )
     over_speed.set(xlabel="speed (m/s)", ylabel="|error| (m)")
-    over_speed.set_title(f"at {model.range_m[row]:.0f} m, filtered along speed", fontsize=9)
+    over_speed.set_title(f"at {model.range_m[row]:.0f} m, unfiltered and through the low-pass", fontsize=9)
+    over_speed.legend([over_speed.lines[1], over_speed.lines[0]], ["unfiltered", "filtered"], fontsize=7)
     over_range.legend(fontsize=7)
     return figure
 

@@ -30,6 +30,7 @@ from vsensor.field.tune.surface import (
     intervals,
     score_table,
     surfaces,
+    unfiltered_m,
 )
 from vsensor.field.tune.survey import Survey, SurveyPass, cell_sums
 from vsensor.field.virtual import FitSetting
@@ -38,6 +39,8 @@ from vsensor.types import Array, frozen
 LEVELS = (0.5, 0.8, 0.9, 0.95, 0.97, 0.99)
 DWELL_LEVELS = np.concatenate([[0.0], np.linspace(0.02, 0.98, 49), [0.99, 0.995, 0.9995]])
 SHARE_LEVELS = np.concatenate([[0.001, 0.005], np.linspace(0.01, 0.99, 50), [0.995, 0.999]])
+SHOWN_M = 20.0
+"""Range of the picture over speed, as P1's fig. 3.10."""
 CORRELATED_ROWS = 30_000_000
 """About so many rows are looked at for correlation."""
 
@@ -63,7 +66,10 @@ class TuneOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Condition:
-    """One condition's model with what is told about it."""
+    """One condition's model with what is told about it.
+
+    `unfiltered_m` (L, V): quantiles of each speed alone, before the low-pass, at the range `SHOWN_M`.
+    """
 
     name: str
     model: ErrorModel
@@ -71,6 +77,7 @@ class Condition:
     closed: Closed | None
     sums: BlockSums
     place: int
+    unfiltered_m: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -221,6 +228,10 @@ def _condition(
     spread = intervals(work.counts[place], work.fir, found, sums, place)
     model = _model(work, place, found, spread, region, sums)
     closed = close_loop(model, work.options.setting, work.options.seed) if work.options.close_loop else None
+    shown = shown_row(model)
+    unfiltered = unfiltered_m(
+        work.counts[place][:, shown], work.levels, work.binning.scale_m[place][:, shown]
+    )
     return Condition(
         name=work.chosen.names[place],
         model=model if closed is None else closed.model,
@@ -228,7 +239,13 @@ def _condition(
         closed=closed,
         sums=sums,
         place=place,
+        unfiltered_m=unfiltered,
     )
+
+
+def shown_row(model: ErrorModel) -> int:
+    """Return the place of the range whose course over speed is shown."""
+    return int(np.argmin(np.abs(model.range_m - SHOWN_M)))
 
 
 def _blind(work: _Work, place: int, found: Surfaces, spread: Intervals) -> np.ndarray:

@@ -176,12 +176,13 @@ class _Look:
             t_ns, image = np.unique(rows.t_ns[chosen], return_inverse=True)
             speed = np.zeros(len(t_ns))
             speed[image] = rows.speed_mps[chosen]
+            driven = np.cumsum(speed * np.diff(t_ns, prepend=t_ns[0]) / 1e9)
             slot = np.rint((t_ns - t_ns[0]) / max(period_ns(t_ns), 1)).astype(np.int64)
             errors = [rows.error_m[chosen].astype(np.float64)]
             scores = [placed.score[chosen]]
             for _ in range(DRAWS):
                 z = sensor.drive(np.diff(t_ns) / 1e9, random)
-                virtual = sensor.errors(z, speed)[image, column[chosen]]
+                virtual = sensor.errors(z, speed, driven)[image, column[chosen]]
                 errors.append(virtual)
                 again = law.place(rows.range_m[chosen], rows.speed_mps[chosen], virtual)
                 scores.append(again.score)
