@@ -21,3 +21,24 @@ def pytest_runtest_setup(item):
         if os.environ.get("CI") or os.environ.get("VSENSOR_NEEDS_VCAN"):
             pytest.fail(reason, pytrace=False)
         pytest.skip(reason)
+
+
+@pytest.fixture(scope="session")
+def scheduler(tmp_path_factory):
+    """The address of a scheduler on the loopback interface with two workers."""
+    folder = tmp_path_factory.mktemp("dask")
+    before = os.environ.get("DASK_CONFIG")
+    os.environ["DASK_CONFIG"] = str(folder)  # Dask writes its settings there, not into the home
+    from distributed import LocalCluster
+
+    with LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        processes=True,
+        dashboard_address=None,
+        host="127.0.0.1",
+        local_directory=str(folder),
+    ) as cluster:
+        yield cluster.scheduler_address
+    if before is None:
+        del os.environ["DASK_CONFIG"]

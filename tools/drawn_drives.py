@@ -134,7 +134,7 @@ def _truth(ranges_m: Array) -> Any:
     """Return the truth, which all seeds of a process share."""
     key = tuple(ranges_m.tolist())
     if key not in _TRUTHS:
-        _TRUTHS[key] = law_truth(law_sensor(ranges_m).model, count=200_000)
+        _TRUTHS[key] = law_truth(law_sensor(ranges_m).model, count=100_000)
     return _TRUTHS[key]
 
 

@@ -11,13 +11,13 @@ command goes on with what is missing. From Python, without processes: `made(cell
 
 import argparse
 import os
-import shutil
 from collections.abc import Iterator, Mapping
 from math import radians
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from lxml import etree
 
 from tests.vehicle_frames import Gateway
 from tools.made_law import day_library, student_library
@@ -37,6 +37,8 @@ YAW_NOISE_DEGPS = 0.08
 DRIVE_S = 600.0
 HOLD_S, CHANGE_S = 40.0, 20.0
 SLOWEST_KMH, FASTEST_KMH = 25.0, 130.0
+OWN_BORDERS = ("-2", "-3")
+"""Lanes whose outer lines are those of the driven lane -3."""
 START_NS = 1_700_000_000_000_000_000
 
 
@@ -125,6 +127,20 @@ class VehicleFrames:
         return round((yaw_rate_radps + noise) / step) * step
 
 
+def dashed_map(path: Path) -> bytes:
+    """Return the shipped map with the driven lane's lines dashed all the way.
+
+    Where one becomes double its inner stripe begins 15 cm beside it, and where paint is missing it is seen
+    late: for a second or two each lap, fits err by up to 0.3 m, which is in no law.
+    """
+    tree = etree.parse(path)
+    for lane in tree.iter("lane"):
+        if lane.get("id") in OWN_BORDERS:
+            for mark in lane.findall("roadMark")[1:]:
+                lane.remove(mark)
+    return etree.tostring(tree, xml_declaration=True, encoding="UTF-8")
+
+
 def drive_cells(
     folder: Path,
     hours: float,
@@ -143,7 +159,7 @@ def drive_cells(
     """
     folder.mkdir(parents=True, exist_ok=True)
     road_map = folder / "map.xodr"
-    shutil.copyfile(SHIPPED / "highway.xodr", road_map)
+    road_map.write_bytes(dashed_map(SHIPPED / "highway.xodr"))
     if law is None:
         law = folder / "law.npz"
         save_library(student_library() if night else day_library(), law)

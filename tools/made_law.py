@@ -11,6 +11,7 @@ from scipy.stats import t as student_t
 
 from vsensor.error_model import ErrorLibrary, ErrorModel, Rule, library_of, model_of
 from vsensor.error_model.bulk import applied_errors, grid_size
+from vsensor.error_model.law import range_grid
 from vsensor.field.virtual import POINT_STEP_M, FitSetting, points_at
 from vsensor.lanefit import operator
 from vsensor.types import Array
@@ -122,11 +123,13 @@ def reported_errors_m(
     """
     setting = setting or FitSetting()
     random, found = np.random.default_rng(seed), []
+    grid = range_grid(model.range_m, model.applied_length_m)
     for phase in range(setting.phases):
         points_m = points_at(model, setting, speed_mps, phase)
-        to_ranges = read(range_m) @ operator(setting.config, points_m)
+        on_points = np.stack([np.interp(points_m, grid, unit) for unit in np.eye(len(grid))], axis=1)
+        to_ranges = read(range_m) @ operator(setting.config, points_m) @ on_points
         white = random.standard_normal((count // setting.phases, grid_size(model)))
-        errors = applied_errors(model, points_m, speed_mps, white) @ to_ranges.T
+        errors = applied_errors(model, grid, speed_mps, white) @ to_ranges.T
         found.append(np.where(range_m <= points_m[-1] + POINT_STEP_M, errors, np.nan))
     return np.concatenate(found)
 

@@ -31,7 +31,7 @@ from vsensor.field.validate import validate_model
 from vsensor.field.virtual import FitSetting
 
 DASHED = FitSetting(dashes_m=(6.0, 12.0))
-"""Both lines of the lane that is driven, but for a tenth of the way."""
+"""Both lines of the lane that is driven."""
 
 
 def scanned(

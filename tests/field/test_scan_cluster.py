@@ -1,13 +1,12 @@
 """The same scan on a Dask cluster gives the same rows."""
 
 from tests.field.test_scan_many import SHORT, _write
-from tests.study.test_cluster import scheduler  # noqa: F401  (a fixture: two workers on the loopback)
 from vsensor.field.scan import ScanOptions
 from vsensor.field.scan_many import scan_logs
 from vsensor.field.table import open_table
 
 
-def test_a_cluster_scans_logs_into_the_same_rows_as_local_processes(tmp_path, scheduler):  # noqa: F811
+def test_a_cluster_scans_logs_into_the_same_rows_as_local_processes(tmp_path, scheduler):
     frames = SHORT.frames()
     logs = [tmp_path / "one.log", tmp_path / "two.log"]
     for log in logs:

@@ -12,6 +12,7 @@ from vsensor.error_model import load_library, save_library
 from vsensor.errors import TableError
 from vsensor.field.table import open_table
 from vsensor.field.tune import TuneOptions, tune_table
+from vsensor.field.tune.text import text_lines
 
 LAW = Law(ranges_m=np.array([5.0, 25.0, 45.0, 65.0]))
 SECONDS = [240.0, 420.0, 300.0, 180.0, 360.0]
@@ -151,19 +152,8 @@ def test_two_folders_are_one_table(folder, model, tmp_path):
     assert_same_models(tune_table(open_table(parts), OPEN).library.models["all"], model)
 
 
-def test_a_cluster_gives_the_same_bits(folder, model, tmp_path):
-    from distributed import LocalCluster
-
-    with LocalCluster(
-        n_workers=2,
-        threads_per_worker=1,
-        processes=True,
-        dashboard_address=None,
-        host="127.0.0.1",
-        local_directory=str(tmp_path),
-    ) as cluster:
-        options = dataclasses.replace(OPEN, scheduler=cluster.scheduler_address)
-        found = tune_table(open_table([folder]), options)
+def test_a_cluster_gives_the_same_bits(folder, model, scheduler):
+    found = tune_table(open_table([folder]), dataclasses.replace(OPEN, scheduler=scheduler))
     assert_same_models(found.library.models["all"], model)
 
 
@@ -287,6 +277,13 @@ def test_the_command_writes_a_model_and_pages_and_says_what_it_found(folder, tmp
     assert {path.name for path in (tmp_path / "pages").iterdir()} == {
         f"all_{name}.png" for name in ("surface", "confidence", "reach", "correlation")
     }
+
+
+def test_blocks_that_hardly_outlast_the_correlation_are_told(tuned):
+    assert not any("too narrow" in line for line in text_lines(tuned))
+    time_s = tuned.library.models["all"].correlation_time_s
+    expected = f"intervals are too narrow; --block {10.0 * time_s:.0f} or more"
+    assert any(expected in line for line in text_lines(dataclasses.replace(tuned, block_s=5.0 * time_s)))
 
 
 def test_normal_errors_give_the_normal_law(tmp_path):

@@ -53,9 +53,15 @@ def law_model(law=LAW, **changes):
 
 @pytest.fixture(scope="module")
 def held(tmp_path_factory):
-    """7 minutes of the law."""
+    """4 minutes of the law."""
     path = tmp_path_factory.mktemp("held")
-    return made_table(path, LAW, [130.0, 180.0, 110.0], seed=21)
+    return made_table(path, LAW, [80.0, 100.0, 60.0], seed=21)
+
+
+@pytest.fixture(scope="module")
+def own(held, tmp_path_factory):
+    """The law's own verdict."""
+    return verdict(held, tmp_path_factory.mktemp("own"), law_model())
 
 
 def verdict(held, tmp_path, model, **how):
@@ -68,37 +74,39 @@ def failed(found):
     return [check.what for one in found.judged for check in one.checks if not check.good]
 
 
-def test_the_law_itself_is_within_the_limits(held, tmp_path):
-    found = verdict(held, tmp_path, law_model())
-    assert failed(found) == []
-    assert found.good
-    one = found.judged[0]
+def test_the_law_itself_is_within_the_limits(own):
+    assert failed(own) == []
+    assert own.good
+    one = own.judged[0]
     np.testing.assert_array_less(np.abs(one.coverage - LEVELS), one.half + 0.01)
-    # 7 minutes of two lines, correlated over 0.8 s: some thousand independent errors, not 80,000 rows
-    assert 300 < one.effective < 4000
+    # 4 minutes of two lines, correlated over 0.8 s: some hundred independent errors, not 48,000 rows
+    assert 150 < one.effective < 2500
 
 
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
-        ({"absolute_m": 1.3 * law_model().absolute_m}, "errors within the 80% surface"),
-        ({"signed_m": 1.5 * law_model().signed_m}, "evenness of the errors' places"),
-        ({"signed_m": law_model().signed_m + 0.02}, "evenness of the errors' places"),
-        ({"signed_m": 2.0 * law_model().signed_m}, "distance of recorded and virtual errors"),
-        ({"correlation_time_s": 0.4, "applied_time_s": 0.4}, "correlation time"),
-        ({"lost_dwell_s": 3.0 * law_model().lost_dwell_s}, "how long a line stays lost"),
-        ({"blind": law_model().blind | (SPEEDS > 20.0)[None]}, "rows that the model does not know"),
+        ({"absolute_m": 1.3 * law_model().absolute_m}, ["errors within the 80% surface"]),
+        (
+            {"signed_m": 2.0 * law_model().signed_m},
+            ["evenness of the errors' places", "distance of recorded and virtual errors"],
+        ),
+        ({"signed_m": law_model().signed_m + 0.02}, ["evenness of the errors' places"]),
+        ({"correlation_time_s": 0.4, "applied_time_s": 0.4}, ["correlation time"]),
+        ({"lost_dwell_s": 3.0 * law_model().lost_dwell_s}, ["how long a line stays lost"]),
+        ({"blind": law_model().blind | (SPEEDS > 20.0)[None]}, ["rows that the model does not know"]),
     ],
 )
 def test_a_model_that_is_off_fails_under_the_name_of_what_is_off(held, tmp_path, changes, expected):
     found = verdict(held, tmp_path, law_model(**changes))
     assert not found.good
-    assert any(what.startswith(expected) for what in failed(found))
+    for one in expected:
+        assert any(what.startswith(one) for what in failed(found))
 
 
 def test_each_condition_is_judged_by_its_own_rows(tmp_path):
     for k, (night, factor) in enumerate([(False, 1.0), (True, 2.0)]):
-        columns = columns_of(np.random.default_rng([31, k]), LAW, 400.0, night=night)
+        columns = columns_of(np.random.default_rng([31, k]), LAW, 240.0, night=night)
         columns["error_m"] = columns["error_m"] * factor
         write_log(tmp_path, f"drive_{k}", columns)
     models = {
@@ -151,8 +159,9 @@ def test_the_dashes_of_a_line_go_by_as_it_is_driven_along():
 
 
 def test_beside_the_vehicle_a_dashed_lines_fit_errs_as_its_nearest_dash_lets_it():
-    model = law_model(signed_m=norm.ppf(SIGNED_LEVELS)[:, None, None] * np.full((4, len(SPEEDS)), 0.1))
-    model = dataclasses.replace(model, applied_signed_m=model.signed_m, applied_length_m=25.0)
+    normal = norm.ppf(SIGNED_LEVELS)[:, None, None] * np.full((4, len(SPEEDS)), 0.1)
+    near = dataclasses.replace(LAW, ranges_m=np.array([1.0, 15.0, 25.0, 35.0]), length_m=15.0)
+    model = law_model(near, signed_m=normal, region_range_m=np.array([60.0, 60.0]))
     sensor = VirtualSensor.of(model, FitSetting(dashes_m=(6.0, 12.0)))
     z = np.random.default_rng(6).standard_normal((24_000, len(sensor.grid_m))) @ sensor.factor.T
     found = sensor.errors(z, np.full(len(z), 20.0)).std(axis=0)
@@ -161,7 +170,8 @@ def test_beside_the_vehicle_a_dashed_lines_fit_errs_as_its_nearest_dash_lets_it(
     np.testing.assert_allclose(found, np.sqrt(np.mean(of_phases, axis=0)), rtol=0.02)
     solid = VirtualSensor.of(model, FitSetting())
     beside = np.sqrt(((solid.matrices[column][0] @ spread) ** 2).sum(axis=1))
-    assert found[0] > 1.1 * beside[0]
+    assert found[0] > 1.15 * beside[0]
+    np.testing.assert_allclose(found[1:], beside[1:], rtol=0.04)
 
 
 def test_virtual_errors_have_the_law_and_the_correlation_time():
@@ -186,31 +196,31 @@ def test_uneven_steps_in_time_are_each_their_own():
 # --- the command -------------------------------------------------------------------------------------------
 
 
-def test_the_page_is_one_file_that_loads_nothing_and_a_bad_model_ends_with_1(held, tmp_path, capsys):
-    folder = str(held.files[0].path.parent)
-    for name, factor, status in (("good", 1.0, 0), ("bad", 2.0, 1)):
-        model = law_model(signed_m=factor * law_model().signed_m, absolute_m=factor * law_model().absolute_m)
-        save_library(library_of(model, "made <here>"), tmp_path / f"{name}.npz")
-        words = ["validate", str(tmp_path / f"{name}.npz"), folder, "--out", str(tmp_path / f"{name}.html")]
-        assert main([*words, "--quiet"]) == status
-        page = (tmp_path / f"{name}.html").read_text()
-        assert ("beyond limits" in page) == bool(status)
-        assert not re.search(r"(src|href)=\"(?!data:)", page)
-        assert "made &lt;here&gt;" in page
+def test_a_good_model_ends_with_0_and_its_page_may_be_a_pdf(held, tmp_path, capsys):
+    save_library(library_of(law_model(), "made"), tmp_path / "good.npz")
+    words = ["validate", str(tmp_path / "good.npz"), str(held.files[0].path.parent)]
+    assert main([*words, "--out", str(tmp_path / "good.pdf"), "--quiet"]) == 0
+    assert "within limits" in capsys.readouterr().out
+    assert (tmp_path / "good.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_a_bad_model_ends_with_1_and_its_page_is_one_file_that_loads_nothing(held, tmp_path, capsys):
+    model = law_model(signed_m=2.0 * law_model().signed_m, absolute_m=2.0 * law_model().absolute_m)
+    save_library(library_of(model, "made <here>"), tmp_path / "bad.npz")
+    words = ["validate", str(tmp_path / "bad.npz"), str(held.files[0].path.parent)]
+    assert main([*words, "--out", str(tmp_path / "bad.html"), "--quiet"]) == 1
     assert "beyond limits" in capsys.readouterr().out
-
-
-def test_the_page_may_be_a_pdf(held, tmp_path):
-    verdict(held, tmp_path, law_model(), out=tmp_path / "page.pdf")
-    assert (tmp_path / "page.pdf").read_bytes().startswith(b"%PDF")
+    page = (tmp_path / "bad.html").read_text()
+    assert "beyond limits" in page
+    assert not re.search(r"(src|href)=\"(?!data:)", page)
+    assert "made &lt;here&gt;" in page
 
 
 def test_limits_come_from_a_file_and_change_the_verdict(held, tmp_path):
     limits = tmp_path / "limits.toml"
-    limits.write_text('schema = "vsensor.validate/1"\ncoverage = 0.3\npit = 0.5\nwasserstein = 1.0\n')
-    model = law_model(signed_m=1.3 * law_model().signed_m, absolute_m=1.3 * law_model().absolute_m)
-    assert verdict(held, tmp_path, model, limits=limits).good
-    assert not verdict(held, tmp_path, model).good
+    limits.write_text('schema = "vsensor.validate/1"\ncoverage = 0.5\npit = 0.5\nwasserstein = 1.0\n')
+    model = law_model(signed_m=2.0 * law_model().signed_m, absolute_m=2.0 * law_model().absolute_m)
+    assert verdict(held, tmp_path, model, limits=limits).good  # not so without: see above
     limits.write_text('schema = "vsensor.validate/1"\ncoverag = 0.3\n')
     with pytest.raises(ConfigError, match=r"limits\.toml: coverag: unknown key; did you mean coverage"):
         verdict(held, tmp_path, model, limits=limits)
@@ -228,12 +238,12 @@ def test_what_cannot_be_judged_is_refused(held, tmp_path):
         verdict(open_table([tmp_path / "empty"]), tmp_path, law_model())
 
 
-def test_the_verdict_can_be_read_by_programs(held, tmp_path):
-    found = json.loads(json.dumps(as_json(verdict(held, tmp_path, law_model()).judged)))
+def test_the_verdict_can_be_read_by_programs(own):
+    found = json.loads(json.dumps(as_json(own.judged)))
     assert found[0]["good"] is True
     assert {"what", "off", "chance", "limit", "good", "shown"} == set(found[0]["checks"][0])
 
 
-def test_the_order_of_logs_changes_no_verdict(held, tmp_path):
+def test_the_order_of_logs_changes_no_verdict(held, own, tmp_path):
     other = dataclasses.replace(held, files=held.files[::-1])
-    assert verdict(held, tmp_path, law_model()).lines == verdict(other, tmp_path, law_model()).lines
+    assert verdict(other, tmp_path, law_model()).lines == own.lines

@@ -12,27 +12,6 @@ from vsensor.errors import ConfigError, MissingExtraError
 from vsensor.study import run_cells
 
 
-@pytest.fixture(scope="module")
-def scheduler(tmp_path_factory):
-    """The address of a scheduler on the loopback interface with two workers."""
-    folder = tmp_path_factory.mktemp("dask")
-    before = os.environ.get("DASK_CONFIG")
-    os.environ["DASK_CONFIG"] = str(folder)  # Dask writes its settings there, not into the home
-    from distributed import LocalCluster
-
-    with LocalCluster(
-        n_workers=2,
-        threads_per_worker=1,
-        processes=True,
-        dashboard_address=None,
-        host="127.0.0.1",
-        local_directory=str(folder),
-    ) as cluster:
-        yield cluster.scheduler_address
-    if before is None:
-        del os.environ["DASK_CONFIG"]
-
-
 def test_a_cluster_gives_the_same_bytes_as_local_processes(tmp_path, scheduler):
     run_cells(functions.square, cells(9), tmp_path / "local", workers=2)
     outcome = run_cells(functions.square, cells(9), tmp_path / "dask", scheduler=scheduler)

@@ -67,7 +67,7 @@ def _path(axes: Any, work: Work) -> None:
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="x (m)", ylabel="y (m)")
     axes.set_title("Path and reported lines beside the vehicle", fontsize=9)
-    axes.legend(fontsize=7, frameon=False)
+    axes.legend(fontsize=7, frameon=False, loc="upper left")
     axes.grid(visible=True, lw=0.3)
 
 
@@ -78,7 +78,7 @@ def _over_time(axes: Any, work: Work, values: Array, label: str, side: Side | No
     axes.set(xlabel="time (s)", ylabel=label)
     axes.grid(visible=True, lw=0.3)
     if side is not None:
-        axes.legend(fontsize=7, frameon=False)
+        axes.legend(fontsize=7, frameon=False, loc="upper left")
 
 
 def _errors(figure: Any, axes: Any, work: Work, side: Side, picked: Any) -> None:

@@ -7,8 +7,10 @@ varies from block to block of driving: with K of N errors of a block below it,
     effective count = p (1 - p) / var(share)
 
 An effective count n has a binomial interval for the share, and the quantiles at its ends are the interval of
-the quantile. Few blocks know their variance badly: it is widened as Student's t with one less than the
-effective number of blocks (sum N)^2 / sum N^2.
+the quantile. Few blocks know their variance badly: it is widened as Student's t. Its degrees of freedom are
+those of squares that are not alike (Satterthwaite): what a block adds to the variance grows as N^2, which
+leaves (sum N^2)^2 / sum N^4 of them; where N lies evenly between none and most that is 0.74 of the effective
+number of blocks (sum N)^2 / sum N^2. One goes for the share itself.
 """
 
 import numpy as np
@@ -19,6 +21,8 @@ from vsensor.types import Array
 
 CONFIDENCE = 0.95
 FEWEST_BLOCKS = 3.0
+ALIKE = 0.74
+"""Degrees of freedom of a variance from blocks of unequal size, over their effective number: 20 / 27."""
 
 
 def sizes_of(counts: np.ndarray) -> np.ndarray:
@@ -62,7 +66,7 @@ def effective_count(levels: Array, variance: Array, blocks: Array) -> Array:
     from scipy.stats import t
 
     p = levels.reshape(len(levels), *([1] * (variance.ndim - 1)))
-    free = np.maximum(blocks - 1.0, 1.0)
+    free = np.maximum(ALIKE * blocks - 1.0, 1.0)
     widening = (t.ppf(0.5 + 0.5 * CONFIDENCE, free) / special.ndtri(0.5 + 0.5 * CONFIDENCE)) ** 2
     few = blocks / np.maximum(blocks - 1.0, 0.5)
     with np.errstate(divide="ignore", invalid="ignore"):

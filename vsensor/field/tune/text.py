@@ -12,6 +12,8 @@ from vsensor.field.tune.tuning import Condition, Tuned, shown_row
 from vsensor.pages import COLOURS, density, new_figure, png_of, require_folder
 from vsensor.study.table import replace_file
 
+LONG = 10.0
+"""Correlation times that a block lasts at least: it then misses a tenth of the variance between blocks."""
 SHOWN_RANGES_M = (10.0, 20.0, 50.0, 80.0)
 
 
@@ -20,6 +22,11 @@ def text_lines(tuned: Tuned) -> list[str]:
     lines = [tuned.library.source]
     for one in tuned.conditions:
         lines += ["", *_lines(one)]
+        if tuned.block_s < LONG * one.model.correlation_time_s:
+            lines.append(
+                f"  blocks of {tuned.block_s:g} s hardly outlast the correlation: intervals are too narrow; "
+                f"--block {LONG * one.model.correlation_time_s:.0f} or more was expected"
+            )
     if tuned.skipped:
         lines += ["", f"no rows, so no model of their own: {', '.join(tuned.skipped)}"]
     return lines
@@ -131,8 +138,10 @@ def confidence_page(one: Condition) -> Any:
     )
     over_speed.set(xlabel="speed (m/s)", ylabel="|error| (m)")
     over_speed.set_title(f"at {model.range_m[row]:.0f} m, unfiltered and through the low-pass", fontsize=9)
-    over_speed.legend([over_speed.lines[1], over_speed.lines[0]], ["unfiltered", "filtered"], fontsize=7)
-    over_range.legend(fontsize=7)
+    over_speed.legend(
+        [over_speed.lines[1], over_speed.lines[0]], ["unfiltered", "filtered"], fontsize=7, loc="upper left"
+    )
+    over_range.legend(fontsize=7, loc="upper left")
     return figure
 
 
@@ -147,7 +156,7 @@ def reach_page(one: Condition, tuned: Tuned) -> Any:
     density(reach, speeds, np.arange(REACH_BINS + 1) * REACH_STEP_M, counts, "images")
     reach.plot(model.region_speed_mps, model.region_range_m, color=COLOURS[1], label="operating range")
     reach.set(xlabel="speed (m/s)", ylabel="reported range (m)", ylim=(0.0, 1.2 * model.region_range_m.max()))
-    reach.legend(fontsize=7)
+    reach.legend(fontsize=7, loc="lower right")
     mesh = driving.pcolormesh(model.speed_mps, model.range_m, model.seconds / 60.0, cmap="viridis")
     figure.colorbar(mesh, ax=driving, label="driving within the filter's width (min)")
     driving.contour(model.speed_mps, model.range_m, model.blind, levels=[0.5], colors=COLOURS[1])
@@ -165,7 +174,7 @@ def correlation_page(one: Condition) -> Any:
     time.plot(lags, rho, "o", color=COLOURS[0], label="recorded")
     time.plot(fine, np.exp(-fine / model.correlation_time_s), color=COLOURS[1], label="fitted")
     time.set(xlabel="lag (s)", ylabel="correlation of the error's normal score")
-    time.legend(fontsize=7)
+    time.legend(fontsize=7, loc="upper right")
     if len(model.quality_step):
         mesh = quality.imshow(model.quality_step, cmap="viridis", vmin=0.0, vmax=1.0)
         figure.colorbar(mesh, ax=quality, label="probability of a step")

@@ -82,12 +82,16 @@ class Condition:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tuned:
-    """What tuning found; `skipped` are combinations of conditions that the table does not have."""
+    """What tuning found; `skipped` are combinations of conditions that the table does not have.
+
+    `block_s` is how long the blocks were that the intervals come from.
+    """
 
     library: ErrorLibrary
     conditions: tuple[Condition, ...]
     skipped: tuple[str, ...]
     survey: Survey
+    block_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -361,4 +365,5 @@ def _library(work: _Work, tuned: list[Condition], logs: int) -> Tuned:
         conditions=tuple(tuned),
         skipped=tuple(name for name in work.chosen.names if name not in names),
         survey=work.survey,
+        block_s=work.options.block_s,
     )

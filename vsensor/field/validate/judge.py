@@ -22,7 +22,8 @@ from vsensor.types import Array
 SCHEMA = "vsensor.validate/1"
 RANGE_BANDS_M = (0.0, 20.0, 40.0, 60.0, 80.0, 100.0, 250.0)
 SPEED_BAND_MPS = 10.0
-FEWEST_IN_BAND = 500
+LEAST_SECONDS = 60.0
+"""Of driving in a band: of less, two drives of the same law differ by more than a limit."""
 MOST_IN_BAND = 40_000
 FEWEST_RUNS = 30
 LEVELS = np.linspace(0.02, 0.98, 49)
@@ -125,7 +126,7 @@ def _judged(one: Found, place: int, held: HeldOut, limits: ValidateLimits) -> Ju
     counts = np.array(one.signed_counts).sum(axis=0)
     rows = int(counts.sum())
     total = rows + one.outside
-    bands = _bands(one)
+    bands = _bands(one, held.period_ns / 1e9)
     lags, rho = _rho(one, held.period_ns / 1e9)
     lost, seen = (_runs(one.model, place, held, seen=which) for which in (False, True))
     checks = [
@@ -207,7 +208,8 @@ def _pit(model: ErrorModel, signed: Array, effective: float, limits: ValidateLim
     )
 
 
-def _bands(one: Found) -> list[Band]:
+def _bands(one: Found, period_s: float) -> list[Band]:
+    """Return the bands in which at least LEAST_SECONDS were driven with two lines, or twice that with one."""
     range_m, speed, errors = one.sampled()
     found = []
     cell = (speed // SPEED_BAND_MPS).astype(int)
@@ -215,7 +217,8 @@ def _bands(one: Found) -> list[Band]:
         for step in np.unique(cell).tolist():
             here = (range_m >= low) & (range_m < high) & (cell == step)
             count = int(np.count_nonzero(here))
-            if count < FEWEST_IN_BAND:
+            lines = np.unique(range_m[here], return_counts=True)[1]
+            if not count or lines.max() * period_s < 2.0 * LEAST_SECONDS:
                 continue
             some = errors[:, here][:, :: max(count // MOST_IN_BAND, 1)]
             found.append(

@@ -124,7 +124,7 @@ def _correlation(axes: Any, one: Judged) -> None:
         axes.plot(one.lags_s, rho, mark, color=colour, label=word)
     axes.axhline(0.0, color="black", lw=0.8)
     axes.set(xlabel="lag (s)", ylabel="autocorrelation of the normal score")
-    axes.legend(fontsize=8)
+    axes.legend(fontsize=8, loc="upper right")
 
 
 def _durations(axes: Any, curves: Any, label: str) -> None:
@@ -133,4 +133,4 @@ def _durations(axes: Any, curves: Any, label: str) -> None:
         for curve, word, colour in zip(curves, ("recorded", "virtual"), COLOURS[:2], strict=True):
             axes.plot(np.maximum(curve, 1e-3), LEVELS, color=colour, label=word)
         axes.set_xscale("log")
-        axes.legend(fontsize=8)
+        axes.legend(fontsize=8, loc="upper right")
