@@ -31,7 +31,7 @@ from vsensor.state import StateConfig
 from vsensor.tracker import TrackerConfig
 from vsensor.world.laid_road import LaidRoadConfig
 from vsensor.world.road import is_road_file
-from vsensor.world.vehicle import DynamicsConfig
+from vsensor.world.vehicle import DriverConfig, DynamicsConfig, lean_degpmps2
 
 SCHEMA = "vsensor.scenario/1"
 SHIPPED = Path(__file__).parent / "scenarios"
@@ -65,6 +65,7 @@ class ScenarioConfig(Config, frozen=True, kw_only=True):
     listen: ListenConfig = ListenConfig()
     dynamics: DynamicsConfig = DynamicsConfig()
     departure: DepartureConfig = DepartureConfig()
+    driver: DriverConfig = DriverConfig()
     drive: DriveConfig = DriveConfig()
     road: LaidRoadConfig = LaidRoadConfig()
     storyboard: StoryboardConfig = StoryboardConfig()
@@ -86,7 +87,7 @@ class ScenarioConfig(Config, frozen=True, kw_only=True):
         """Return the sections that make up the sensor."""
         return SensorConfig(
             camera=self.camera,
-            motion=self.motion,
+            motion=self._motion(),
             scene=self.scene,
             region=self.region,
             error_model=self.error_model,
@@ -94,6 +95,20 @@ class ScenarioConfig(Config, frozen=True, kw_only=True):
             tracker=self.tracker,
             quality=self.quality,
             wheelbase_m=self.vehicle.wheelbase_m,
+        )
+
+    def _motion(self) -> MotionConfig:
+        """Return the body's motion, its gains from masses and springs where it asks for them."""
+        motion = self.motion
+        if "dynamics" not in (motion.pitch_deg_per_mps2, motion.roll_deg_per_mps2):
+            return motion
+        pitch, roll = lean_degpmps2(self.dynamics, self.vehicle.wheelbase_m)
+        return msgspec.structs.replace(
+            motion,
+            pitch_deg_per_mps2=pitch
+            if motion.pitch_deg_per_mps2 == "dynamics"
+            else motion.pitch_deg_per_mps2,
+            roll_deg_per_mps2=roll if motion.roll_deg_per_mps2 == "dynamics" else motion.roll_deg_per_mps2,
         )
 
 

@@ -8,6 +8,7 @@ from vsensor.camera import Camera, normalised
 from vsensor.config import Scenario
 from vsensor.line import Line
 from vsensor.sources.drive import RecordedDrive
+from vsensor.sources.driven import DrivenDrive
 from vsensor.sources.live import LiveDrive
 from vsensor.sources.map_drive import MapDrive
 
@@ -60,7 +61,7 @@ def _without_map(scenario: Scenario, line: Line) -> list[str]:
 
 def _lanes_that_are_not_there(scenario: Scenario, line: Line) -> list[str]:
     """Name the vehicles that start on a lane that the road has not; they drive where one would be."""
-    drive = line.source.drive if isinstance(line.source, LiveDrive) else line.source
+    drive = line.source.drive if isinstance(line.source, LiveDrive | DrivenDrive) else line.source
     if not isinstance(drive, MapDrive):
         return []
     corridor, found = drive.corridor, []

@@ -12,7 +12,7 @@ from msgspec import structs
 from tests.maps import geometry, lane, loaded, road, section
 from tests.vehicle_frames import CYCLE_NS, PLANS, Gateway
 from vsensor.errors import ConfigError
-from vsensor.sources.control import FOR_EVER_NS, Pose, Tilt
+from vsensor.sources.control import FOR_EVER_NS, Pose
 from vsensor.sources.listening import ListenConfig
 from vsensor.sources.live import LiveDrive
 from vsensor.sources.map_drive import EgoConfig, MapDrive
@@ -21,7 +21,7 @@ from vsensor.sources.reckoning import Course, heard, settled, value_at
 from vsensor.transforms import rotation_from_rpy
 from vsensor.types import Beam, Environment, Frame, Light, Tick
 from vsensor.world.corridor import Corridor
-from vsensor.world.vehicle import DynamicsConfig, SingleTrack
+from vsensor.world.vehicle import DynamicsConfig, SingleTrack, Tilt
 
 PERIOD_NS = 40_000_000
 HALF_LANE_M = 1.75
@@ -469,7 +469,9 @@ def test_without_a_request_the_wheels_go_straight(straight):
 def test_a_request_that_stays_away_is_no_lack_of_the_sensor_but_is_said(straight):
     one = bench(straight, steering_frames(0.5, lambda t: 0.0), "steering")
     assert one.run(40).stale == ()
-    assert one.source.remarks(one.state) == ("ego.steering_request_rad was missing once, at 0.64 s",)
+    missing, steps = one.source.remarks(one.state)
+    assert missing == "ego.steering_request_rad was missing once, at 0.64 s"
+    assert steps.startswith("vehicle: its steps in time are wrong by at most ")
 
 
 def test_speed_may_come_from_the_bus_while_an_ecu_steers(straight):

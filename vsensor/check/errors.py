@@ -8,6 +8,7 @@ from vsensor.config import Scenario
 from vsensor.error_model import Conditions, ErrorLaw, ErrorModel, Rule
 from vsensor.line import Line
 from vsensor.sources.drive import RecordedDrive
+from vsensor.sources.driven import DrivenDrive
 from vsensor.sources.map_drive import MapDrive
 from vsensor.types import NANOSECONDS_PER_SECOND, Array, BoolArray, Light
 
@@ -119,8 +120,9 @@ def _speeds_mps(scenario: Scenario, line: Line) -> tuple[Array, Array]:
     source = line.source
     end_s = scenario.config.duration_s or source.duration_s
     times = np.linspace(0.0, min(end_s, LONGEST_S), AT_MOST)
-    if isinstance(source, MapDrive):
-        return times, np.array([source.speed_mps(t_s) for t_s in times.tolist()])
+    if isinstance(source, MapDrive | DrivenDrive):
+        drive = source.drive if isinstance(source, DrivenDrive) else source
+        return times, np.array([drive.speed_mps(t_s) for t_s in times.tolist()])
     if isinstance(source, RecordedDrive):
         path = source.drive.path
         at_ns = path.t_ns[0] + (times * NANOSECONDS_PER_SECOND).astype(np.int64)

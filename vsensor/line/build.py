@@ -5,6 +5,8 @@ from contextlib import contextmanager
 from math import isfinite
 from typing import Any, cast
 
+import msgspec
+
 from vsensor.config import Scenario, ScenarioConfig
 from vsensor.errors import ConfigError
 from vsensor.faults import faults_of
@@ -13,7 +15,9 @@ from vsensor.profile import load_profile
 from vsensor.sensor import Sensor
 from vsensor.sources import LOG_SUFFIXES, STORY_SUFFIXES, Source
 from vsensor.sources.drive import RecordedDrive
+from vsensor.sources.driven import DrivenDrive
 from vsensor.sources.live import LiveDrive
+from vsensor.sources.manoeuvres import Plan, planned
 from vsensor.sources.map_drive import EgoConfig, MapDrive
 from vsensor.sources.storyboard import StoryboardConfig, StoryDrive
 from vsensor.transmit import Transmitter
@@ -67,20 +71,26 @@ def build_source(scenario: Scenario) -> Source:
         return StoryDrive.load(path, config.storyboard, environment, reach_m)
     if config.storyboard != StoryboardConfig():
         raise ConfigError("storyboard: its keys are for an .xosc as source")
-    drive = MapDrive.load(
-        path, config.ego, config.traffic, environment, reach_m, config.obstacle, scenario.folder
-    )
-    if config.ego.control == "lane" and not config.listen.profiles:
-        return drive
+    ego = config.ego
+    plan = _plan(ego)
+    if plan is not None:
+        ego = msgspec.structs.replace(ego, speed_kmh=plan.speed_kmh)
+    drive = MapDrive.load(path, ego, config.traffic, environment, reach_m, config.obstacle, scenario.folder)
+    alone: Source = drive
+    if plan is not None:
+        alone = DrivenDrive(drive, plan, config.driver, config.dynamics, config.vehicle)
+    if ego.control in ("lane", "driver") and not config.listen.profiles:
+        return alone
     return LiveDrive.load(
         drive,
-        config.ego,
+        ego,
         config.listen,
         config.dynamics,
         config.vehicle.wheelbase_m,
         scenario.folder,
         config.departure,
         config.vehicle.width_m,
+        alone,
     )
 
 
@@ -96,6 +106,15 @@ def _require_story(config: ScenarioConfig) -> None:
             raise ConfigError(
                 f"{key}: the storyboard says who drives where; [storyboard] sets its parameters"
             )
+
+
+def _plan(ego: EgoConfig) -> Plan | None:
+    """Return what the driver is told to do, None where none drives."""
+    if ego.control == "driver":
+        return planned(ego.speed_kmh, ego.offset_m, ego.manoeuvre)
+    if ego.manoeuvre:
+        raise ConfigError(f'ego.manoeuvre: ego.control = "driver" was expected, it is "{ego.control}"')
+    return None
 
 
 def _require_lane(config: ScenarioConfig) -> None:

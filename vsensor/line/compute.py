@@ -233,7 +233,7 @@ class Line:
 
     def remarks(self, state: LineState) -> tuple[str, ...]:
         """Say what went wrong in the world on the way, for the end of a run."""
-        return self.source.remarks(state.source) if isinstance(self.source, LiveDrive) else ()
+        return self.source.remarks(state.source)
 
 
 def _since(tick: Tick, up_since: int) -> Tick:

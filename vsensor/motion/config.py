@@ -7,6 +7,7 @@ from msgspec import Meta
 from vsensor.schema import Config
 
 Gain = Annotated[float, Meta(ge=0.0, le=2.0)]
+Lean = Gain | Literal["dynamics"]
 BodyHz = Annotated[float, Meta(ge=0.3, le=10.0)]
 Damping = Annotated[float, Meta(ge=0.02, le=0.95)]
 
@@ -29,7 +30,8 @@ class MotionConfig(Config, frozen=True, kw_only=True):
     has settled. For a mid-size car (mass 1600 kg, centre of gravity 0.55 m up, pitch inertia 2600
     kg m^2) m h / (I (2 pi 1.4 Hz)^2) = 0.25 deg per m/s^2 without anti-dive geometry, which takes off
     30 to 50 %: 0.15. Roll 0.4 deg per m/s^2 is 3.9 deg at 1 g, in the middle between sports cars
-    (2 to 3) and soft vans (6 to 7). 1.3 to 1.6 Hz and a damping ratio of 0.3 to 0.4 are usual for ride.
+    (2 to 3) and soft vans (6 to 7). "dynamics": what masses and springs of `[dynamics]` give. 1.3 to
+    1.6 Hz and a damping ratio of 0.3 to 0.4 are usual for ride.
 
     `vibration`: a preset, or the standard deviation of pitch in mrad above 0.3 Hz; roll has the same
     one and heave 4 mm per mrad, if not given. `vibration_hz` is the peak of the spectrum,
@@ -40,8 +42,8 @@ class MotionConfig(Config, frozen=True, kw_only=True):
     """
 
     body: bool = False
-    pitch_deg_per_mps2: Gain = 0.15
-    roll_deg_per_mps2: Gain = 0.4
+    pitch_deg_per_mps2: Lean = 0.15
+    roll_deg_per_mps2: Lean = 0.4
     pitch_hz: BodyHz = 1.4
     roll_hz: BodyHz = 1.6
     heave_hz: BodyHz = 1.3

@@ -67,8 +67,8 @@ def load_motion(config: MotionConfig, wheelbase_m: float = 2.8, folder: Path = P
         return None
     return Motion(
         body=config.body,
-        pitch_gain=-radians(config.pitch_deg_per_mps2),  # braking is a < 0, nose down is positive
-        roll_gain=radians(config.roll_deg_per_mps2),  # in a bend to the left the left side rises
+        pitch_gain=-_radians(config.pitch_deg_per_mps2),  # braking is a < 0, nose down is positive
+        roll_gain=_radians(config.roll_deg_per_mps2),  # in a bend to the left the left side rises
         pitch=Mode.of(config.pitch_hz, config.damping),
         roll=Mode.of(config.roll_hz, config.damping),
         heave=Mode.of(config.heave_hz, config.damping),
@@ -77,6 +77,14 @@ def load_motion(config: MotionConfig, wheelbase_m: float = 2.8, folder: Path = P
         noise=noise,
         recording=recording,
     )
+
+
+def _radians(gain_deg: float | str) -> float:
+    if isinstance(gain_deg, str):
+        raise ConfigError(
+            f'motion: a gain of "{gain_deg}" needs a scenario\'s [dynamics]; a number was expected'
+        )
+    return radians(gain_deg)
 
 
 def initial_state() -> MotionState:

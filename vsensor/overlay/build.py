@@ -13,6 +13,7 @@ from vsensor.overlay.taking_over import TakingOver
 from vsensor.profile import Profile
 from vsensor.sources import LOG_SUFFIXES
 from vsensor.sources.drive import RecordedDrive, drive_of
+from vsensor.sources.driven import DrivenDrive
 from vsensor.sources.listening import Listener
 from vsensor.sources.live import LiveDrive
 from vsensor.sources.map_drive import MapDrive
@@ -63,7 +64,7 @@ def _source(scenario: Scenario, read: Read | None, take_over_ns: int | None) -> 
                 f"--take-over: {scenario.path or scenario.source}: a log as source was expected, not a map"
             )
         on_map = build_source(scenario)
-        assert isinstance(on_map, LiveDrive | MapDrive)
+        assert isinstance(on_map, LiveDrive | DrivenDrive | MapDrive)
         return OnMap(on_map)
     if read is None:
         raise ConfigError(

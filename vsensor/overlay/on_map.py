@@ -5,7 +5,8 @@ from typing import Any
 
 from vsensor.overlay.synth import Wish
 from vsensor.sources import Inputs
-from vsensor.sources.live import LiveDrive, LiveState
+from vsensor.sources.driven import DrivenDrive
+from vsensor.sources.live import LiveDrive
 from vsensor.sources.map_drive import MapDrive
 from vsensor.types import EgoState, Scene, Snapshot, Tick
 
@@ -24,7 +25,7 @@ class OnMapState:
 class OnMap:
     """The source: a map, and the vehicle that the frames (or the scenario alone) move on it."""
 
-    def __init__(self, drive: LiveDrive | MapDrive) -> None:
+    def __init__(self, drive: LiveDrive | DrivenDrive | MapDrive) -> None:
         self.drive = drive
 
     @property
@@ -44,8 +45,7 @@ class OnMap:
 
     def initial_state(self) -> OnMapState:
         """Return the state before the first tick."""
-        start = self.drive.drive.start() if isinstance(self.drive, LiveDrive) else self.drive.start()
-        return OnMapState(drive=self.drive.initial_state(), ego=start)
+        return OnMapState(drive=self.drive.initial_state(), ego=self.drive.start())
 
     def placed(self, state: OnMapState, wish: Wish) -> OnMapState:
         """Return the state; where the log begins again, the vehicle is back at the start."""
@@ -57,7 +57,7 @@ class OnMap:
 
     def remarks(self, state: OnMapState) -> tuple[str, ...]:
         """Say what went wrong on the way."""
-        said = self.drive.remarks(state.drive) if isinstance(state.drive, LiveState) else ()  # type: ignore[union-attr]
+        said = self.drive.remarks(state.drive)
         return (*said, ENDED) if state.has_ended else said
 
     def advance(self, state: OnMapState, tick: Tick, inputs: Inputs) -> tuple[OnMapState, Snapshot]:

@@ -22,7 +22,7 @@ from vsensor.sources.steering import SteeringControl
 from vsensor.types import Snapshot, Tick
 from vsensor.world.dead_reckoning import Pose
 from vsensor.world.laid_road import POINT_STEP_M, LaidRoad
-from vsensor.world.vehicle import KINEMATIC_MPS, SingleTrack, VehicleState, driven
+from vsensor.world.vehicle import KINEMATIC_MPS, SingleTrack, Trip, VehicleState, steered
 
 FARTHEST_M = 20.0
 """Farther from the lane's middle nothing is seen of the road."""
@@ -36,9 +36,8 @@ class Taken:
 
     log_ns: int
     listened: Listened = field(default_factory=Listened)
-    vehicle: VehicleState | None = None
+    vehicle: Trip | None = None
     s_m: float = 0.0
-    speed_mps: float = 0.0
     steering_rad: float = 0.0
 
 
@@ -74,7 +73,7 @@ class TakingOver(Following):
 
     def steering(self, state: Taken) -> float | None:  # type: ignore[override]
         """Return the angle of the front wheels, once the vehicle is steered."""
-        return None if state.vehicle is None else state.steering_rad
+        return None if state.vehicle is None else state.vehicle.steering_rad
 
     def advance(  # type: ignore[override]
         self, state: Taken, tick: Tick, inputs: Inputs
@@ -96,20 +95,16 @@ class TakingOver(Following):
     def _taken(self, state: Taken, recorded: Pose) -> Taken:
         """Return the state with the recorded vehicle in it, its wheels as steady cornering needs them."""
         turn = recorded.yaw_rate_radps
-        vehicle = VehicleState(
+        body = VehicleState(
             x_m=recorded.x_m,
             y_m=recorded.y_m,
             yaw_rad=recorded.yaw_rad,
             lateral_mps=self._vehicle.rear_m * turn,  # the rear axle follows its heading, as in the path
             yaw_rate_radps=turn,
         )
-        return replace(
-            state,
-            vehicle=vehicle,
-            s_m=recorded.s_m,
-            speed_mps=recorded.speed_mps,
-            steering_rad=self.steady_rad(recorded.speed_mps, turn),
-        )
+        steering = self.steady_rad(recorded.speed_mps, turn)
+        vehicle = Trip.begins(body, recorded.speed_mps, steering)
+        return replace(state, vehicle=vehicle, s_m=recorded.s_m, steering_rad=steering)
 
     def steady_rad(self, speed_mps: float, yaw_rate_radps: float) -> float:
         """Return the angle of the front wheels of a steady bend, 0 where the vehicle hardly moves."""
@@ -135,13 +130,12 @@ class TakingOver(Following):
             WHEEL: steering_rad * self._ratio,
         }
 
-    def _driven(
-        self, state: Taken, before: VehicleState, recorded: Pose, tick: Tick
-    ) -> tuple[Taken, Snapshot]:
+    def _driven(self, state: Taken, before: Trip, recorded: Pose, tick: Tick) -> tuple[Taken, Snapshot]:
         """Return the state and the truth after a cycle with the wheels as they were asked for."""
         steering = self._control.angle(state.listened, state.steering_rad)
-        speeds = state.speed_mps, recorded.speed_mps
-        vehicle = driven(self._vehicle, before, speeds, steering, tick.period_ns * 1e-9)
+        speeds = before.speed_mps, recorded.speed_mps
+        trip = steered(self._vehicle, before, speeds, steering, tick.period_ns * 1e-9)
+        vehicle = trip.body
         step_m = sum(speeds) / 2.0 * tick.period_ns * 1e-9
         s_m, off_m = _abreast(self.drive.road, vehicle, state.s_m, step_m)
         pose = replace(
@@ -155,8 +149,7 @@ class TakingOver(Following):
         snapshot = self.drive.seen(pose, tick.t_ns)
         if off_m > FARTHEST_M:
             snapshot = replace(snapshot, scene=replace(snapshot.scene, markings=()))
-        after = replace(state, vehicle=vehicle, s_m=s_m, speed_mps=recorded.speed_mps, steering_rad=steering)
-        return after, snapshot
+        return replace(state, vehicle=trip, s_m=s_m, steering_rad=steering), snapshot
 
 
 def _abreast(road: LaidRoad, vehicle: VehicleState, s_m: float, step_m: float) -> tuple[float, float]:

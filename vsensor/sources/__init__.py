@@ -42,6 +42,10 @@ class Source(Protocol):
         """Return the new state and the truth at `tick.t_ns`; None once the drive has ended."""
         ...
 
+    def remarks(self, state: Any) -> tuple[str, ...]:
+        """Say what went wrong on the way, for the end of a run."""
+        ...
+
 
 MAP_SUFFIXES = (".xodr",)
 STORY_SUFFIXES = (".xosc",)

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 from vsensor.sources.listening import ListenConfig, Listened, News
 from vsensor.types import Tick
+from vsensor.world.vehicle import Tilt
 
 SPEED, YAW_RATE, ACCELERATION = "ego.speed_mps", "ego.yaw_rate_radps", "ego.acceleration_mps2"
 X, Y, Z, YAW = "ego.x_m", "ego.y_m", "ego.z_m", "ego.yaw_rad"
@@ -28,22 +29,18 @@ class Pose:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tilt:
-    """How the road lies: a metre driven is `run` metres on the map, a turn about its normal `turn` there."""
-
-    run: float = 1.0
-    turn: float = 1.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Motion:
-    """Where the vehicle is and how it moves; `z_m` NaN = on the road of the map."""
+    """Where the vehicle is and how it moves; `z_m` NaN = on the road of the map.
+
+    `lateral_mps2` NaN = speed times yaw rate: the vehicle goes where it heads.
+    """
 
     pose: Pose
     z_m: float = nan
     speed_mps: float = 0.0
     yaw_rate_radps: float = 0.0
     acceleration_mps2: float = 0.0
+    lateral_mps2: float = nan
 
 
 class Control(Protocol):
@@ -67,6 +64,10 @@ class Control(Protocol):
         self, state: Any, listened: Listened, news: Sequence[News], tick: Tick, tilt: Tilt
     ) -> tuple[Any, Motion]:
         """Return the state and the motion at the tick; `tilt` is that of the road at the tick before."""
+        ...
+
+    def remarks(self, state: Any) -> tuple[str, ...]:
+        """Say at the end of a run what the motion itself met."""
         ...
 
 

@@ -17,13 +17,15 @@ import msgspec
 
 from vsensor.errors import ConfigError
 from vsensor.schema import Config
-from vsensor.sources.control import Motion, Pose, Tilt
+from vsensor.sources.control import Motion, Pose
 from vsensor.sources.listening import Listened, News
 from vsensor.sources.map_drive import MapDrive
+from vsensor.sources.moving import grip_troubles, motion_of, step_remarks
 from vsensor.sources.steering import SteeringControl
+from vsensor.sources.troubles import NO_TROUBLES, Troubles
 from vsensor.types import EgoState, Snapshot, Tick
 from vsensor.world.lane_edge import edge_beside, tyre_to_edge
-from vsensor.world.vehicle import SingleTrack, VehicleState, driven
+from vsensor.world.vehicle import SingleTrack, Tilt, Trip, VehicleState, steered
 
 SLOWEST_MPS = 5.0
 
@@ -77,10 +79,10 @@ class Drift:
 class Departing:
     """The vehicle once the robot has let go, None before; `hands_off_rad` of its front wheels."""
 
-    vehicle: VehicleState | None = None
+    trip: Trip | None = None
     t_ns: int = 0
-    speed_mps: float = 0.0
     hands_off_rad: float = 0.0
+    troubles: Troubles = NO_TROUBLES
 
 
 class DepartureControl:
@@ -103,22 +105,22 @@ class DepartureControl:
     ) -> tuple[Departing, Motion]:
         """Return the vehicle at the tick."""
         t_s = tick.t_ns * 1e-9
-        if state.vehicle is None:
+        if state.trip is None:
             ego = self._drive.ego(t_s)
             lets_go = t_s >= self._release_s and not self._keeps_steering
             return (self._let_go(ego) if lets_go else state), _motion_of(ego)
         asked = self._steering.angle(listened, state.hands_off_rad, unasked=state.hands_off_rad)
         speed = self._drive.speed_mps(t_s)
         seconds = (tick.t_ns - state.t_ns) * 1e-9
-        speeds = state.speed_mps * tilt.run, speed * tilt.run
-        vehicle = driven(self._vehicle, state.vehicle, speeds, asked, seconds)
-        after = replace(state, vehicle=vehicle, t_ns=tick.t_ns, speed_mps=speed)
-        return after, Motion(
-            pose=Pose(x_m=vehicle.x_m, y_m=vehicle.y_m, yaw_rad=vehicle.yaw_rad),
-            speed_mps=speed,
-            yaw_rate_radps=vehicle.yaw_rate_radps,
-            acceleration_mps2=(speed - state.speed_mps) / seconds,
-        )
+        trip = steered(self._vehicle, state.trip, (state.trip.speed_mps, speed), asked, seconds, tilt)
+        troubles = state.troubles.noted(grip_troubles(self._vehicle, trip), tick.t_ns)
+        return replace(state, trip=trip, t_ns=tick.t_ns, troubles=troubles), motion_of(trip)
+
+    def remarks(self, state: Departing) -> tuple[str, ...]:
+        """Say where the tyres lost their grip, and the error of the steps."""
+        if state.trip is None:
+            return ()
+        return (*state.troubles.sentences(), *step_remarks(state.trip))
 
     def _let_go(self, ego: EgoState) -> Departing:
         """Return the vehicle as the robot leaves it, its wheels as steady cornering needs them."""
@@ -132,7 +134,8 @@ class DepartureControl:
             yaw_rate_radps=turn,
         )
         hands_off_rad = turn / self._vehicle.steady_yaw_rate(ego.speed_mps, 1.0)
-        return Departing(vehicle=vehicle, t_ns=ego.t_ns, speed_mps=ego.speed_mps, hands_off_rad=hands_off_rad)
+        trip = Trip.begins(vehicle, ego.speed_mps, hands_off_rad)
+        return Departing(trip=trip, t_ns=ego.t_ns, hands_off_rad=hands_off_rad)
 
 
 def drift_of(drive: MapDrive, config: DepartureConfig, wheelbase_m: float, width_m: float) -> Drift:

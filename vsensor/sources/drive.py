@@ -250,6 +250,10 @@ class RecordedDrive:
         """Return the state, which is nothing: the pose follows from the tick alone."""
         return None
 
+    def remarks(self, state: None) -> tuple[str, ...]:
+        """Return nothing: what is wrong with the log is in `findings`."""
+        return ()
+
     def advance(self, state: None, tick: Tick, inputs: Inputs) -> tuple[None, Snapshot | None]:
         """Return the truth at `tick.t_ns` after the start of the drive; None beyond its end."""
         now_ns = self._start_ns + tick.t_ns

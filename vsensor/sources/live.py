@@ -9,15 +9,14 @@ without a bus and listens to light and rain alone.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from math import cos, isfinite, pi, remainder
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from vsensor.errors import ConfigError
 from vsensor.profile import RAIN_OF_WIPER, Wiper
-from vsensor.sources import Inputs
-from vsensor.sources.control import Control, Motion, Pose, Tilt
+from vsensor.sources import Inputs, Source
+from vsensor.sources.control import Control, Pose
 from vsensor.sources.departing import DepartureConfig, DepartureControl, drift_of
 from vsensor.sources.listening import ListenConfig, Listened, Listener, News
 from vsensor.sources.map_drive import EgoConfig, MapDrive
@@ -25,7 +24,8 @@ from vsensor.sources.placing import FARTHEST_M, Foot, Ground
 from vsensor.sources.posing import PoseControl
 from vsensor.sources.reckoning import MotionControl
 from vsensor.sources.steering import SteeringControl, steering_inputs
-from vsensor.types import Beam, EgoState, Environment, Frame, Light, Scene, Snapshot, Tick, frozen
+from vsensor.sources.troubles import NO_TROUBLES, Troubles
+from vsensor.types import Beam, EgoState, Environment, Frame, Light, Scene, Snapshot, Tick
 from vsensor.world.vehicle import DynamicsConfig, SingleTrack
 
 LIGHT, LOW_BEAM, HIGH_BEAM = "ego.light", "ego.low_beam", "ego.high_beam"
@@ -37,25 +37,24 @@ OFF_ROUTE = "off the route"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveState:
-    """What was heard, the control's own state, the place on the route; what went wrong: times and since when.
-
-    `troubles`: what -> (t_ns of the first time, number of times); `present` are those at this tick.
-    """
+    """What was heard, the own state of control (or of the drive that needs none), the place on the route."""
 
     listened: Listened
     control: Any
     foot: Foot
     speed_mps: float = 0.0
-    troubles: Mapping[str, tuple[int, int]] = field(default_factory=dict[str, tuple[int, int]])
-    present: tuple[str, ...] = ()
+    troubles: Troubles = NO_TROUBLES
 
 
 class LiveDrive:
     """The source of a drive that listens; it needs a bus, without one the vehicle stands at the start."""
 
-    def __init__(self, drive: MapDrive, listener: Listener, control: Control | None) -> None:
-        """Join map, bus and control (None: along the lane)."""
+    def __init__(
+        self, drive: MapDrive, listener: Listener, control: Control | None, alone: Source | None = None
+    ) -> None:
+        """Join map, bus and control; without one it is moved by `alone`, as without a bus (None: `drive`)."""
         self.drive = drive
+        self._alone: Source = drive if alone is None else alone
         self.listener = listener
         self._control = control
         self._needs = () if control is None else control.needs
@@ -77,11 +76,13 @@ class LiveDrive:
         folder: Path = Path(),
         departure: DepartureConfig | None = None,
         width_m: float = 1.85,
+        alone: Source | None = None,
     ) -> "LiveDrive":
         """Load the profiles and build the control; raises ConfigError, DbcError."""
         _, steers_by, _, steering = steering_inputs(listen)
         needs, wanted = {
             "lane": ((), ()),
+            "driver": ((), ()),
             "motion": (MotionControl.needs, MotionControl.wanted),
             "pose": (PoseControl.needs, PoseControl.wanted),
             "steering": (steers_by, steering),
@@ -106,7 +107,7 @@ class LiveDrive:
             vehicle = SingleTrack.of(dynamics, wheelbase_m)
             steering_of = SteeringControl(listen, vehicle, dynamics.steering_ratio, drive.speed_mps)
             control = DepartureControl(drive, departure, vehicle, steering_of)
-        return cls(drive, listener, control)
+        return cls(drive, listener, control, alone)
 
     @property
     def needs_bus(self) -> bool:
@@ -116,24 +117,28 @@ class LiveDrive:
     @property
     def notes(self) -> tuple[str, ...]:
         """Where the drive begins and what is listened to."""
-        return (*self.drive.notes, *self.listener.lines())
+        return (*self._alone.notes, *self.listener.lines())
 
     @property
     def findings(self) -> tuple[str, ...]:
         """What was found in the map, as sentences."""
-        return self.drive.findings
+        return self._alone.findings
 
     @property
     def duration_s(self) -> float:
         """How long the drive takes is known only where it follows its lane."""
-        return self.drive.duration_s if self._control is None else float("inf")
+        return self._alone.duration_s if self._control is None else float("inf")
 
     def initial_state(self) -> LiveState:
         """Return the state before the first tick: nothing heard, standing at the start."""
         x, y, _ = self._start.position_world_m.tolist()
         pose = Pose(x_m=x, y_m=y, yaw_rad=self._start.yaw_rad)
-        control = None if self._control is None else self._control.initial(pose)
+        control = self._alone.initial_state() if self._control is None else self._control.initial(pose)
         return LiveState(listened=Listened(), control=control, foot=Foot(s_m=0.0))
+
+    def start(self) -> EgoState:
+        """Return the vehicle at the start, standing."""
+        return self._start
 
     def accepts(self, frame: Frame) -> bool:
         """Return whether a frame tells something that is listened to, and passes its check."""
@@ -143,7 +148,8 @@ class LiveDrive:
         """Return the truth at `tick.t_ns` as far as the bus tells; None once the route has ended."""
         listened, news = self.listener.hear(state.listened, inputs, tick)
         if self._control is None:
-            after, snapshot = replace(state, listened=listened), self.drive.advance(None, tick, ())[1]
+            inner, snapshot = self._alone.advance(state.control, tick, ())
+            after = replace(state, listened=listened, control=inner)
         else:
             after, snapshot = self._moved(self._control, replace(state, listened=listened), news, tick)
         if snapshot is None:
@@ -153,37 +159,36 @@ class LiveDrive:
         troubles += [OFF_ROUTE] * (not after.foot.is_on_route)
         stale = tuple(name for name in missing if name not in self._unsensed)
         scene = replace(snapshot.scene, environment=self._seen(listened, tick))
-        return _noted(after, tuple(troubles), tick), replace(snapshot, scene=scene, stale=stale)
+        after = replace(after, troubles=after.troubles.noted(tuple(troubles), tick.t_ns))
+        return after, replace(snapshot, scene=scene, stale=stale)
 
     def remarks(self, state: LiveState) -> tuple[str, ...]:
         """Say what went wrong on the way, for the end of a run."""
         unheard = [name for name in self._needs if name not in state.listened.quantities]
         said = [f"nothing was heard of {name}" for name in unheard]
-        for name, (first_ns, count) in state.troubles.items():
-            when = f"{'once,' if count == 1 else f'{count} times, first'} at {first_ns / 1e9:.2f} s"
+        for name in state.troubles.met:
+            when = state.troubles.when(name)
             if name == OFF_ROUTE:
                 where = f"over {FARTHEST_M:g} m away, or against it"
                 said.append(f"the vehicle was off the route ({where}) {when}: nothing was seen there")
             else:
                 said.append(f"{name} was missing {when}")
-        return tuple(said)
+        inner = self._alone if self._control is None else self._control
+        return (*said, *inner.remarks(state.control))
 
     def _moved(
         self, control: Control, state: LiveState, news: Sequence[News], tick: Tick
     ) -> tuple[LiveState, Snapshot | None]:
         """Return state and truth after the control has moved the vehicle; None beyond the route's end."""
         last = state.foot
-        tilt = Tilt(run=cos(last.pitch_rad), turn=1.0 / (cos(last.pitch_rad) * cos(last.roll_rad)))
-        inner, motion = control.advance(state.control, state.listened, news, tick, tilt)
+        inner, motion = control.advance(state.control, state.listened, news, tick, last.tilt)
         pose, step_m = motion.pose, motion.speed_mps * tick.period_ns * 1e-9
         foot = self._ground.foot(last, step_m, pose.x_m, pose.y_m, pose.yaw_rad)
         after = replace(state, control=inner, foot=foot, speed_mps=motion.speed_mps)
         if not self.drive.corridor.reaches(max(foot.s_m, 0.0)):
             return after, None
         scene = self.drive.scene(tick.t_ns * 1e-9, foot.s_m) if foot.is_on_route else Scene(markings=())
-        ego = _ego(motion, foot, tick.t_ns)
-        if foot.is_on_route:
-            ego = replace(ego, uneven=self.drive.corridor.uneven(foot.s_m))
+        ego = self._ground.ego(foot, motion, tick.t_ns)
         return after, Snapshot(t_ns=tick.t_ns, ego=ego, scene=scene)
 
     def _is_missing(self, listened: Listened, name: str) -> bool:
@@ -217,29 +222,3 @@ def _lit(air: Environment, known: Mapping[str, float]) -> Environment:
     else:
         return air
     return air if air.headlights is beam else replace(air, beam=beam)
-
-
-def _ego(motion: Motion, foot: Foot, t_ns: int) -> EgoState:
-    pose = motion.pose
-    z_m = motion.z_m if isfinite(motion.z_m) else foot.z_m
-    return EgoState(
-        t_ns=t_ns,
-        position_world_m=frozen((pose.x_m, pose.y_m, z_m)),
-        roll_rad=foot.roll_rad,
-        pitch_rad=foot.pitch_rad,
-        yaw_rad=remainder(pose.yaw_rad, 2 * pi),
-        speed_mps=motion.speed_mps,
-        yaw_rate_radps=motion.yaw_rate_radps,
-        acceleration_mps2=motion.acceleration_mps2,
-        lateral_acceleration_mps2=motion.speed_mps * motion.yaw_rate_radps,
-    )
-
-
-def _noted(state: LiveState, present: tuple[str, ...], tick: Tick) -> LiveState:
-    """Return the state with the troubles of this tick; one that was not there at the tick before counts."""
-    troubles = dict(state.troubles)
-    for name in present:
-        if name not in state.present:
-            first_ns, count = troubles.get(name, (tick.t_ns, 0))
-            troubles[name] = (first_ns, count + 1)
-    return replace(state, troubles=troubles, present=present)

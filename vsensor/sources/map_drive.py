@@ -10,6 +10,7 @@ import numpy as np
 from vsensor.errors import ConfigError
 from vsensor.schema import Config
 from vsensor.sources import Inputs
+from vsensor.sources.manoeuvres import ManoeuvreConfig
 from vsensor.sources.shapes import Shapes
 from vsensor.sources.standing import ObstacleConfig, Standing
 from vsensor.sources.traffic import MPS_PER_KMH, TrafficConfig, vehicle
@@ -31,8 +32,8 @@ OFFSET_STEP_M = 10.0
 class EgoConfig(Config, frozen=True, kw_only=True):
     """`[ego]`: where the drive starts, how fast, and how far to the left of the lane's centre.
 
-    `control`: what moves it from there: "lane" speed and offset alone, else what comes from the bus (see
-    `sources.live`).
+    `control`: what moves it from there: "lane" speed and offset alone, "driver" a vehicle and its driver (see
+    `sources.driven`), who carries out the `manoeuvre`s, else what comes from the bus (see `sources.live`).
     """
 
     road: str = "auto"
@@ -42,7 +43,8 @@ class EgoConfig(Config, frozen=True, kw_only=True):
     lane_type: str = "driving"
     speed_kmh: Points = 100.0
     offset_m: Points = 0.0
-    control: Literal["lane", "motion", "pose", "steering", "departure"] = "lane"
+    control: Literal["lane", "driver", "motion", "pose", "steering", "departure"] = "lane"
+    manoeuvre: tuple[ManoeuvreConfig, ...] = ()
 
     def corridor(self) -> CorridorConfig:
         """Return where the corridor begins and which way it goes.
@@ -158,6 +160,10 @@ class MapDrive:
             return None, None
         return None, Snapshot(t_ns=tick.t_ns, ego=self._ego(tick.t_ns, t_s, s_m), scene=self.scene(t_s, s_m))
 
+    def remarks(self, state: None) -> tuple[str, ...]:
+        """Return nothing: what is wrong is known before."""
+        return ()
+
     def scene(self, t_s: float, s_m: float) -> Scene:
         """Return what is near the distance `s_m` at a time."""
         view = s_m - BEHIND_M, s_m + self._view_m
@@ -241,7 +247,7 @@ class MapDrive:
         ]
         if not near:
             return ()
-        offsets = [one.offset_m + self._lane_offset(one.lanes_left, s_m) for _, one, s_m in near]
+        offsets = [one.offset_m + self.lane_offset(one.lanes_left, s_m) for _, one, s_m in near]
         poses = self.corridor.poses(np.array([s_m for *_, s_m in near]), np.array(offsets))
         boxes = []
         for row, (number, one, _) in enumerate(near):
@@ -260,7 +266,7 @@ class MapDrive:
             )
         return tuple(boxes)
 
-    def _lane_offset(self, lanes_left: int, s_m: float) -> float:
+    def lane_offset(self, lanes_left: int, s_m: float) -> float:
         """Return the offset of a lane beside, linear between places 10 m apart (the map takes 0.4 ms)."""
         if lanes_left == 0:
             return 0.0

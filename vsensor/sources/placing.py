@@ -5,14 +5,16 @@
       o  the pose, `offset_m` to the left (here negative)
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from math import atan2, cos, hypot, pi, remainder, sin, tan
+from math import atan2, cos, hypot, isfinite, pi, remainder, sin, tan
 
 import numpy as np
 
-from vsensor.types import Array
+from vsensor.sources.control import Motion
+from vsensor.types import Array, EgoState, frozen
 from vsensor.world.corridor import Corridor
+from vsensor.world.vehicle import GRAVITY_MPS2, Tilt
 
 FARTHEST_M = 20.0
 """From the lane's middle; farther off the vehicle has left the route, and nothing of it is seen."""
@@ -38,6 +40,14 @@ class Foot:
     pitch_rad: float = 0.0
     is_on_route: bool = True
 
+    @property
+    def tilt(self) -> Tilt:
+        """How the road lies under the vehicle."""
+        level, pull = cos(self.pitch_rad), sin(self.roll_rad)
+        return Tilt(
+            run=level, turn=1.0 / (level * cos(self.roll_rad)), pull_mps2=-GRAVITY_MPS2 * level * pull
+        )
+
 
 class Ground:
     """Finds the foot of a pose, near the last one or, if that is far away, on the whole route."""
@@ -55,6 +65,24 @@ class Ground:
         if found is None:
             return Foot(s_m=last.s_m, z_m=last.z_m, is_on_route=False)
         return found
+
+    def ego(self, foot: Foot, motion: Motion, t_ns: int) -> EgoState:
+        """Return the vehicle that moves like this on the road there."""
+        pose, z_m, across = motion.pose, motion.z_m, motion.lateral_mps2
+        ego = EgoState(
+            t_ns=t_ns,
+            position_world_m=frozen((pose.x_m, pose.y_m, z_m if isfinite(z_m) else foot.z_m)),
+            roll_rad=foot.roll_rad,
+            pitch_rad=foot.pitch_rad,
+            yaw_rad=remainder(pose.yaw_rad, 2 * pi),
+            speed_mps=motion.speed_mps,
+            yaw_rate_radps=motion.yaw_rate_radps,
+            acceleration_mps2=motion.acceleration_mps2,
+            lateral_acceleration_mps2=across
+            if isfinite(across)
+            else motion.speed_mps * motion.yaw_rate_radps,
+        )
+        return replace(ego, uneven=self._corridor.uneven(foot.s_m)) if foot.is_on_route else ego
 
     def _near(self, s_m: float, x_m: float, y_m: float, yaw_rad: float) -> Foot | None:
         """Return the foot by Newton's method from a distance on, None if it is not found."""

@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import cos, hypot, isfinite, nan, pi, remainder, sin
 
-from vsensor.sources.control import ACCELERATION, SPEED, YAW, YAW_RATE, Motion, Pose, Tilt, X, Y, Z
+from vsensor.sources.control import ACCELERATION, SPEED, YAW, YAW_RATE, Motion, Pose, X, Y, Z
 from vsensor.sources.listening import LARGEST, Listened, Listener, News
 from vsensor.types import Tick
-from vsensor.world.vehicle import moved
+from vsensor.world.vehicle import Tilt, moved
 
 TOGETHER_NS = 50_000_000
 """Messages of one pose come within half their cycle of each other, or this where it is not known."""
@@ -65,6 +65,10 @@ class PoseControl:
             yaw_rate_radps=0.0 if is_missing else rate,
             acceleration_mps2=_or(self._heard(listened, ACCELERATION), 0.0),
         )
+
+    def remarks(self, state: Track) -> tuple[str, ...]:
+        """Return nothing."""
+        return ()
 
     def _with(self, track: Track, item: News) -> Track:
         """Return the track with what one frame told; a pose is taken over once all of it came together."""

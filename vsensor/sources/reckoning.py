@@ -20,12 +20,11 @@ from vsensor.sources.control import (
     YAW_RATE,
     Motion,
     Pose,
-    Tilt,
     hold_ns,
 )
 from vsensor.sources.listening import ListenConfig, Listened, Listener, News
 from vsensor.types import Tick
-from vsensor.world.vehicle import moved
+from vsensor.world.vehicle import Tilt, moved
 
 Samples = tuple[tuple[int, float], ...]
 """(t_ns, value), in order of time."""
@@ -77,6 +76,10 @@ class MotionControl:
             yaw_rate_radps=value_at(course.rates, tick.t_ns, self._hold_ns),
             acceleration_mps2=slope,
         )
+
+    def remarks(self, state: Course) -> tuple[str, ...]:
+        """Return nothing."""
+        return ()
 
     def _slope(self, listened: Listened) -> float:
         """Return the acceleration with which the speed goes on, 0 where one of them is missing."""

@@ -1,25 +1,24 @@
 """A vehicle that an ECU steers over the bus: the closed loop."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from vsensor.sources.control import REQUEST, SPEED, WHEEL, Motion, Pose, Tilt, hold_ns
+from vsensor.sources.control import REQUEST, SPEED, WHEEL, Motion, Pose, hold_ns
 from vsensor.sources.listening import ListenConfig, Listened, News
+from vsensor.sources.moving import grip_troubles, motion_of, step_remarks
+from vsensor.sources.troubles import NO_TROUBLES, Troubles
 from vsensor.types import Tick
-from vsensor.world.vehicle import SingleTrack, VehicleState, driven
-
-LARGEST_STEERING_RAD = 0.7
-"""Front wheels turn no farther: 40 degrees."""
+from vsensor.world.vehicle import LARGEST_STEERING_RAD, SingleTrack, Tilt, Trip, VehicleState, steered
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Steered:
     """The vehicle at the tick `t_ns`; `start_ns` is when the first frame came, None before."""
 
-    vehicle: VehicleState
+    trip: Trip
     t_ns: int = 0
     start_ns: int | None = None
-    speed_mps: float = 0.0
+    troubles: Troubles = NO_TROUBLES
 
 
 class SteeringControl:
@@ -45,7 +44,7 @@ class SteeringControl:
 
     def initial(self, start: Pose) -> Steered:
         """Return a vehicle that stands at the start."""
-        return Steered(vehicle=VehicleState(x_m=start.x_m, y_m=start.y_m, yaw_rad=start.yaw_rad))
+        return Steered(trip=Trip.begins(VehicleState(x_m=start.x_m, y_m=start.y_m, yaw_rad=start.yaw_rad)))
 
     def advance(
         self, state: Steered, listened: Listened, news: Sequence[News], tick: Tick, tilt: Tilt
@@ -57,19 +56,17 @@ class SteeringControl:
         seconds = max(tick.t_ns - state.t_ns, 0) * 1e-9
         speed = self._speed_at(listened, tick.t_ns, start_ns)
         steering = self.angle(listened)
-        # A turn on the map is a turn about the road's normal to 1 part in 500 at 6 % of slope.
-        speeds = state.speed_mps * tilt.run, speed * tilt.run
-        before = speeds if state.start_ns is not None else (0.0, 0.0)
-        vehicle = driven(self._vehicle, state.vehicle, before, steering, seconds)
-        after = Steered(vehicle=vehicle, t_ns=tick.t_ns, start_ns=start_ns, speed_mps=speed)
-        return after, Motion(
-            pose=Pose(x_m=vehicle.x_m, y_m=vehicle.y_m, yaw_rad=vehicle.yaw_rad),
-            speed_mps=speed,
-            yaw_rate_radps=vehicle.yaw_rate_radps,
-            acceleration_mps2=(speed - state.speed_mps) / seconds
-            if seconds and state.start_ns is not None
-            else 0.0,
-        )
+        is_moving = state.start_ns is not None
+        speeds = (state.trip.speed_mps, speed) if is_moving else (0.0, 0.0)
+        trip = steered(self._vehicle, state.trip, speeds, steering, seconds, tilt)
+        if not is_moving:
+            trip = replace(trip, speed_mps=speed)
+        troubles = state.troubles.noted(grip_troubles(self._vehicle, trip), tick.t_ns)
+        return Steered(trip=trip, t_ns=tick.t_ns, start_ns=start_ns, troubles=troubles), motion_of(trip)
+
+    def remarks(self, state: Steered) -> tuple[str, ...]:
+        """Say where the tyres lost their grip, and the error of the steps."""
+        return (*state.troubles.sentences(), *step_remarks(state.trip))
 
     def angle(self, listened: Listened, before_first: float = 0.0, unasked: float = 0.0) -> float:
         """Return the angle of the front wheels.

@@ -102,6 +102,10 @@ class StoryDrive:
         """Time until the storyboard stops or the carrier's road ends; inf if beyond 10 minutes."""
         return self.rehearsal.duration_s
 
+    def remarks(self, state: StoryState) -> tuple[str, ...]:
+        """Return nothing: what happens is told before."""
+        return ()
+
     def initial_state(self) -> StoryState:
         """Return the state before the first tick: everybody in place."""
         return self.machine.initial_state()

@@ -19,6 +19,7 @@ from vsensor.types import Array
 from vsensor.world.profiles import LinearProfile
 from vsensor.world.vehicle.preview import Gains, gains_at
 from vsensor.world.vehicle.single_track import SingleTrack
+from vsensor.world.vehicle.step import KINEMATIC_MPS
 from vsensor.world.vehicle.trip import Trip
 from vsensor.world.vehicle.tyres import GRAVITY_MPS2
 
@@ -36,6 +37,9 @@ LARGEST_STEERING_RAD = 0.7
 
 MOST_OF_FRICTION = 0.9
 MOST_ACROSS = 0.95
+MOST_SOFTNESS_RAD = 0.1
+"""Tyres that slip more than that are at their end, and no steering gets more from them."""
+
 QUICKEST_PEDAL_PER_S = 1.0
 
 
@@ -101,18 +105,34 @@ class Driver:
         `speeds`: the speed and the acceleration that are wanted, as `wanted` gives them.
         """
         gains = self.gains(trip.speed_mps)
-        body = trip.body
-        state = (
-            *(body.lateral_mps, body.yaw_rate_radps, trip.steering_rad),
-            *(seen.offset_m, seen.heading_rad, last.steering_rad),
-        )
         ahead = float(gains.preview @ seen.turns_rad) + gains.pull * seen.pull_mps2
-        wheels = last.steering_rad - float(gains.feedback @ np.array(state)) - ahead
+        wheels = last.steering_rad - float(gains.feedback @ self._felt(last, trip, seen)) - ahead
         pedal = speeds[1] + self._pedal_per_s * (speeds[0] - trip.speed_mps)
         most = self.most_mps2(trip)
         return Order(
             min(max(wheels, -LARGEST_STEERING_RAD), LARGEST_STEERING_RAD),
             min(max(pedal, -most), most),
+        )
+
+    def _felt(self, last: Order, trip: Trip, seen: Seen) -> Array:
+        """Return the state (STATES,) of a vehicle with linear tyres that goes as this one does.
+
+        It has the same forces and the same path of the rear axle; what the tyres slip more is taken off.
+        """
+        body, front, rear = trip.body, 0.0, 0.0
+        if not self._vehicle.is_linear and trip.speed_mps >= KINEMATIC_MPS:
+            inputs = self._vehicle.inputs(trip.speed_mps, trip.steering_rad, trip.acceleration_mps2)
+            softness = self._vehicle.softness(body.lateral_mps, body.yaw_rate_radps, inputs)
+            front, rear = (min(max(one, -MOST_SOFTNESS_RAD), MOST_SOFTNESS_RAD) for one in softness)
+        return np.array(
+            [
+                body.lateral_mps + trip.speed_mps * rear,
+                body.yaw_rate_radps,
+                trip.steering_rad - front + rear,
+                seen.offset_m,
+                seen.heading_rad - rear,
+                last.steering_rad - front + rear,
+            ]
         )
 
     def most_mps2(self, trip: Trip) -> float:

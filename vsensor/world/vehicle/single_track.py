@@ -122,6 +122,15 @@ class SingleTrack:
             self.rear.force(rear_slope, rear_peak, rear),
         )
 
+    def softness(self, lateral_mps: float, yaw_rate: float, inputs: Inputs) -> tuple[float, float]:
+        """Return by how much front and rear tyres slip more than linear ones of the same force, rad."""
+        speed, steering = inputs[:2]
+        front, rear = self.forces(lateral_mps, yaw_rate, inputs)
+        return (
+            steering - atan2(lateral_mps + self.front_m * yaw_rate, speed) - front / self.front_stiffness,
+            -atan2(lateral_mps - self.rear_m * yaw_rate, speed) - rear / self.rear_stiffness,
+        )
+
     def grip_used(
         self, speed_mps: float, lateral_mps: float, yaw_rate: float, steering: float, acceleration: float
     ) -> tuple[float, float]:
