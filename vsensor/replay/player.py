@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from vsensor.clock import Clock
-from vsensor.replay.chores import Chore
+from vsensor.replay.chores import Chore, Chores
 from vsensor.replay.pulled import Pulled
 from vsensor.replay.report import Report
 from vsensor.replay.sender import Sender, Sending
@@ -21,8 +21,6 @@ from vsensor.types import Frame
 
 REST_NS = 20_000_000
 """A longer wait is cut, so that keys and Ctrl-C are heard."""
-LISTEN_NS = 20_000_000
-"""A full bus brings 160 frames in that time, a socket holds at least 270."""
 SEARCH_NS = 10_000_000  # without any pause in that time a seek takes some, and frames are late
 AT_ONCE = 16  # frames that were late are sent between two looks at the clock
 BREATHLESS, BREATH_NS = 128, 500_000
@@ -57,9 +55,8 @@ class Player:
         self._start_ns = reel.start_ns
         self._supply = Supply(reel, real_time=real_time)
         self._sender = Sender(sending, stages, record, self.report)
-        self._pulling, self._listening = Chore(self._supply.pull), Chore(self._listen)
-        self._searching, self._recording = Chore(self._search), Chore(self._sender.write)
-        self._heard_ns = self._breathless = 0
+        self._chores = Chores(self._supply, self._sender, self._search)
+        self._breathless = 0
         self._paused_ns: int | None = None
         self._supply.fill()
         self.now_ns = self._sent_ns = clock.now_ns()
@@ -87,7 +84,7 @@ class Player:
             return True
         next_due_ns = self._next_due()
         if next_due_ns is None and self._supply.is_searching:
-            self._do(self._searching)
+            self._do(self._chores.searching)
         elif next_due_ns is None:
             self.finish()
             return False
@@ -163,7 +160,7 @@ class Player:
     def _next_due(self) -> int | None:
         """Return when the next frame is due, of the log or of a stage; None if there is none any more."""
         while self._supply.must_pull(self._at_ns):
-            self._do(self._pulling)
+            self._do(self._chores.pulling)
         times = (self._supply.due_ns(self._at_ns), self._sender.next_wake_ns())
         return min((due_ns for due_ns in times if due_ns is not None), default=None)
 
@@ -175,46 +172,18 @@ class Player:
             self._send_due()
         seek = self._supply.seeking
         if seek is not None and seek.is_searching and self._at_ns - seek.looked_ns >= SEARCH_NS:
-            self._do(self._searching)
-
-    def _listen(self) -> None:
-        self._heard_ns = self.now_ns
-        self._sender.listen()
+            self._do(self._chores.searching)
 
     def _spend(self, until_ns: int) -> None:
         """Do what fits before `until_ns`, then wait for it."""
         if self._paused_ns is None and self._supply.ahead.count:
             self._sender.prepare(self._supply.ahead.first())
-        while (chore := self._chore(until_ns - self.now_ns)) is not None:
+        while (chore := self._chores.next(self.now_ns, self._at_ns, until_ns - self.now_ns)) is not None:
             self._do(chore)
-            if chore is self._searching and not self._supply.is_searching:
+            if chore is self._chores.searching and not self._supply.is_searching:
                 return  # another frame is the next one
         self.now_ns = self._clock.sleep_until_ns(until_ns)
         self._breathless = 0
-
-    def _chore(self, left_ns: int) -> Chore | None:
-        """Return what is to be done and fits into `left_ns`."""
-        supply = self._supply
-        may_pull = supply.may_pull(self._at_ns) and self._may_pull_within(left_ns)
-        if may_pull and supply.is_scarce:
-            return self._pulling
-        if self.now_ns - self._heard_ns >= LISTEN_NS and self._listening.fits(left_ns):
-            return self._listening
-        if supply.is_searching and self._searching.fits(left_ns):
-            return self._searching
-        if self._sender.has_unrecorded and self._recording.fits(left_ns):
-            return self._recording
-        return self._pulling if may_pull else None
-
-    def _may_pull_within(self, left_ns: int) -> bool:
-        """Return whether a pull fits into `left_ns`; with little ahead, pulls get smaller until one does."""
-        if self._pulling.fits(left_ns):
-            if left_ns > 4 * self._pulling.cost_ns:
-                self._supply.coarser()
-            return True
-        if self._supply.is_scarce:
-            self._supply.finer()
-        return False
 
     def _do(self, chore: Chore) -> None:
         before_ns = self.now_ns

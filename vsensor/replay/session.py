@@ -3,33 +3,28 @@
 import contextlib
 import os
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vsensor.clock import Clock, MonotonicClock, SimulatedClock, epoch_offset_ns
 from vsensor.errors import ConfigError
 from vsensor.logs import LogWriter, open_log_writer
 from vsensor.realtime import calm_collector, real_time_priority
-from vsensor.replay.beat import Beat, beat_of
 from vsensor.replay.changes import changes_of
-from vsensor.replay.choice import EXTENDED_KEY, Choice, Names, choice, key, keys_of
+from vsensor.replay.choice import EXTENDED_KEY, choice, key
 from vsensor.replay.keys import HELP
 from vsensor.replay.open_outputs import open_outputs
-from vsensor.replay.options import ReplayOptions, epoch_ns, log_time_ns, speed_of
+from vsensor.replay.options import ReplayOptions, epoch_ns
 from vsensor.replay.outputs import Outputs
+from vsensor.replay.plan import cut_of, databases_of, loaded, names_of, reel_of, require_sense, rhythm
 from vsensor.replay.player import REST_NS, Player, played
 from vsensor.replay.reading import Cut, Survey, survey
-from vsensor.replay.reel import PIECE, Reel, Sendable
+from vsensor.replay.reel import Reel
 from vsensor.replay.report import Report
-from vsensor.replay.smooth import measured_cycles
 from vsensor.replay.stages import Stage
-from vsensor.replay.timeline import Pace
 
 if TYPE_CHECKING:  # loaded where they are asked for: a third of the time to the first frame
-    from vsensor.codec import Database
-    from vsensor.profile import Profile
     from vsensor.replay.overlay import Overlay
 
 Say = Callable[[str], None]
@@ -38,7 +33,6 @@ Keys = Callable[[], list[str]]
 SPIN_NS = 60_000
 """Of every wait: a wake-up is some 60 us late. More would never sleep on a full bus (125 us a frame), and the
 kernel takes the processor away for 50 ms each second from a real-time process that does not."""
-PIECE_WITHOUT_WAITING = 1024  # frames decoded at a time: fewer calls
 START_UP_NS = 20_000_000  # from the end of loading to the first frame
 POLL_S = 0.001
 JUMP_S = 5.0  # of an arrow key
@@ -56,21 +50,21 @@ def replay_log(
 
     A log with a fault is played up to it; `fault` of the report tells.
     """
-    _require_sense(options)
-    databases = _databases(options)
+    require_sense(options)
+    databases = databases_of(options)
     changes = changes_of(options)
-    databases += _loaded(profile.database for profile in changes.profiles)
+    databases += loaded(profile.database for profile in changes.profiles)
     stages = (*stages, *changes.stages)
     head = survey(options.path, options.rate_hz)
-    chosen = choice(options.include, options.exclude, options.rename, _names(databases))
+    chosen = choice(options.include, options.exclude, options.rename, names_of(databases))
     with contextlib.ExitStack() as stack:
-        cut = _cut(options, head, databases)
+        cut = cut_of(options, head, databases)
         overlay = _overlay(options, head, cut, say, stack)
         if overlay is None:
-            cut = replace(cut, beat=_beat(changes.profiles, head, chosen))
+            cut = replace(cut, beat=rhythm(changes.profiles, head, chosen))
         outputs = open_outputs(options, head, chosen, stack, overlay, adds_fd=changes.adds_fd)
         sendable = outputs.sendable if overlay is None else overlay.without_camera(outputs.sendable, chosen)
-        reel = _reel(options, head, chosen, cut, sendable)
+        reel = reel_of(options, head, chosen, cut, sendable)
         sending = outputs if overlay is None else overlay.listening(outputs)
         clock = _clock(options)
         record = _recording(options, head, stack)
@@ -99,57 +93,11 @@ def replay_log(
     return report
 
 
-def _beat(profiles: Sequence["Profile"], head: Survey, chosen: Choice) -> Beat | None:
-    """Return the rhythm of the images that are repaired, as the beginning of the log has it."""
-    rows = chosen.mask(head.columns, head.channels)
-    return beat_of(profiles, keys_of(head.columns)[rows], head.m_ns[rows], chosen.rename)
-
-
-def _require_sense(options: ReplayOptions) -> None:
-    """Refuse what cannot be meant, before anything is opened."""
-    speed_of(options.speed)
-    if options.realtime and options.fast:
-        raise ConfigError("--realtime and --as-fast-as-possible exclude each other")
-    if options.fast and options.speed != "1":
-        raise ConfigError("--speed and --as-fast-as-possible exclude each other")
-    if options.fast and options.loops == 0:
-        raise ConfigError("--loop 0 plays for ever, which --as-fast-as-possible cannot: give a number")
-    if options.wait_for is not None and options.start_at is not None:
-        raise ConfigError("--wait-for and --start-at exclude each other: one of them starts the replay")
-    if options.take_over is not None and options.overlay is None:
-        raise ConfigError("--take-over: needs --overlay, whose sensor shows the ECU where it steers")
-    if options.take_over is not None and options.speed != "1":
-        raise ConfigError("--take-over and --speed exclude each other: an ECU steers in real time")
-    log = options.log
-    if log is not None and log.exists() and options.path.exists() and log.samefile(options.path):
-        raise ConfigError(f"{log}: is what is played, so it cannot be written over")
-
-
 def _clock(options: ReplayOptions) -> Clock:
     """Return the clock; where there is one processor it never spins, which would keep who listens waiting."""
     if options.fast:
         return SimulatedClock()
     return MonotonicClock(spin_ns=SPIN_NS if len(os.sched_getaffinity(0)) > 1 else 0)
-
-
-def _databases(options: ReplayOptions) -> list["Database"]:
-    if not options.profile:
-        return _loaded(options.dbc)
-    if len(options.dbc) > 1:
-        raise ConfigError("--dbc: with --profile one database at most, that of the profile that names none")
-    from vsensor.profile import load_profiles
-
-    profiles = load_profiles(options.profile, options.dbc[0] if options.dbc else None)
-    return _loaded(dict.fromkeys(profile.database for profile in profiles))
-
-
-def _loaded(paths: Iterable[Path]) -> list["Database"]:
-    paths = list(paths)
-    if not paths:
-        return []
-    from vsensor.codec import load_database
-
-    return [load_database(path) for path in paths]
 
 
 def _overlay(
@@ -160,43 +108,6 @@ def _overlay(
     from vsensor.replay.overlay import open_overlay
 
     return open_overlay(options.overlay, options, head, cut, say, stack)
-
-
-def _names(databases: Sequence["Database"]) -> Names | None:
-    return Names.of(databases) if databases else None
-
-
-def _cut(options: ReplayOptions, head: Survey, databases: Sequence["Database"]) -> Cut:
-    start, stop = (
-        None if text is None else log_time_ns(option, text, head.start_ns)
-        for option, text in (("--start", options.start), ("--stop", options.stop))
-    )
-    if stop is not None and stop <= (head.start_ns if start is None else start):
-        raise ConfigError(f"--stop {options.stop}: lies before what is to be played begins")
-    return Cut(
-        start_ns=start,
-        stop_ns=stop,
-        loops=options.loops,
-        rate_hz=options.rate_hz,
-        cycles=_cycles(head, databases) if options.smooth else None,
-    )
-
-
-def _reel(options: ReplayOptions, head: Survey, chosen: Choice, cut: Cut, sendable: Sendable) -> Reel:
-    gap_ns = None if options.max_gap_s is None else round(options.max_gap_s * 1e9)
-    pace = Pace(speed=speed_of(options.speed), max_gap_ns=gap_ns)
-    piece = PIECE_WITHOUT_WAITING if options.fast else PIECE
-    return Reel(options.path, head, choice=chosen, pace=pace, cut=cut, sendable=sendable, piece=piece)
-
-
-def _cycles(head: Survey, databases: Sequence["Database"]) -> dict[int, int]:
-    """Return cycle times in ns by key: those of the databases; the measured medians where they have none."""
-    layouts = [layout for database in databases for layout in database.layouts.values() if layout.cycle_ms]
-    told = {
-        layout.arbitration_id | EXTENDED_KEY * layout.is_extended: layout.cycle_ms * 1_000_000
-        for layout in layouts
-    }
-    return measured_cycles(keys_of(head.columns), head.m_ns) | told
 
 
 def _recording(
