@@ -1,5 +1,7 @@
 """Small OpenSCENARIO files for tests, written as text over small maps."""
 
+from weakref import WeakKeyDictionary
+
 from tests.maps import document, geometry, lane, road, section
 from vsensor.sources.storyboard import StoryboardConfig, StoryDrive
 from vsensor.types import Environment, Tick
@@ -169,18 +171,23 @@ def written(folder, scenario, road_text=STRAIGHT):
     return path
 
 
-def drive(folder, scenario=None, road_text=STRAIGHT, ego="Ego", **parameters):
+def drive(folder, scenario=None, road_text=STRAIGHT, ego="Ego", rehearsal_s=15.0, **parameters):
     """Return the source of a scenario."""
     path = written(folder, text() if scenario is None else scenario, road_text)
-    return StoryDrive.load(path, StoryboardConfig(ego=ego, parameters=parameters), Environment())
+    config = StoryboardConfig(ego=ego, parameters=parameters)
+    return StoryDrive.load(path, config, Environment(), rehearsal_s=rehearsal_s)
+
+
+STATES = WeakKeyDictionary()
 
 
 def played(source, seconds):
-    """Return the storyboard's state at a time."""
-    state = source.machine.initial_state()
-    for _ in range(round(seconds * 1e9 / STEP_NS)):
-        state = source.machine.advance(state)
-    return state
+    """Return the storyboard's state at a time; what was played before is not played again."""
+    states = STATES.setdefault(source, [source.machine.initial_state()])
+    steps = round(seconds * 1e9 / STEP_NS)
+    while len(states) <= steps:
+        states.append(source.machine.advance(states[-1]))
+    return states[steps]
 
 
 def motion(source, seconds, name="Ego"):
@@ -201,15 +208,14 @@ def pose(source, seconds, name="Ego"):
 def events(source, seconds=30.0):
     """Return the times at which events start and end: {(name, "starts"): s}."""
     found = {}
-    state = source.machine.initial_state()
-    for _ in range(round(seconds * 1e9 / STEP_NS)):
+    for step in range(round(seconds * 1e9 / STEP_NS)):
+        state = played(source, step * STEP_NS / 1e9)
         for one in state.happened:
             if one.text.startswith("event "):
-                _, name, verb = one.text.rsplit(" ", 2)[0], *one.text.removeprefix("event ").rsplit(" ", 1)
+                name, verb = one.text.removeprefix("event ").rsplit(" ", 1)
                 found.setdefault((name, verb), one.t_ns / 1e9)
         if state.ended_ns is not None:
             break
-        state = source.machine.advance(state)
     return found
 
 

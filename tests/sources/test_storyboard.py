@@ -198,9 +198,8 @@ def test_the_drive_ends_with_the_stop_trigger_and_with_the_road(tmp_path):
     source = drive(tmp_path, manoeuvring(stop=3))
     assert source.duration_s == pytest.approx(3.01)
     assert len(snapshots(source, 10.0)) == 76  # 0 to 3.00 s
-    rolling = drive(
-        tmp_path, text(init=private("Ego", teleport(lane_position(50)), speed(65)), entities=("Ego",))
-    )
+    alone = private("Ego", teleport(lane_position(50)), speed(65))
+    rolling = drive(tmp_path, text(init=alone, entities=("Ego",)), rehearsal_s=40.0)
     assert rolling.duration_s == pytest.approx(1950 / 65, abs=0.011)
 
 

@@ -55,6 +55,7 @@ class StoryDrive:
         environment: Environment | Weather | None = None,
         range_m: float = 100.0,
         notes: tuple[str, ...] = (),
+        rehearsal_s: float = LONGEST_REHEARSAL_S,
     ) -> None:
         """Play the scenario through once; raises StoryError, MapError for what goes wrong on the way."""
         self.machine = machine
@@ -62,7 +63,7 @@ class StoryDrive:
         self._view_m = LONGER_THAN_X * range_m + BEHIND_M
         self._notes = notes
         self._stands: dict[int, Obstacle] = {}
-        self.rehearsal = self._rehearse()
+        self.rehearsal = self._rehearse(rehearsal_s)
 
     @classmethod
     def load(
@@ -71,13 +72,14 @@ class StoryDrive:
         config: StoryboardConfig,
         environment: Environment | Weather,
         range_m: float = 100.0,
+        rehearsal_s: float = LONGEST_REHEARSAL_S,
     ) -> "StoryDrive":
         """Read the scenario, its catalogs and its map; raises StoryError, MapError, ConfigError."""
         given = {name: _text(value) for name, value in config.parameters.items()}
         story = load_story(path, given, config.ego)
         road, note = find_road(path, story.road_file)
         machine = Machine(story, Tracks(load_map(road)), config.ego)
-        return cls(machine, environment, range_m, note)
+        return cls(machine, environment, range_m, note, rehearsal_s)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -139,12 +141,12 @@ class StoryDrive:
             environment=self.weather.at(work.t_ns / 1e9),
         )
 
-    def _rehearse(self) -> Rehearsal:
+    def _rehearse(self, longest_s: float) -> Rehearsal:
         """Play through without a sensor; the roads that the carrier comes by are built on the way."""
         state = self.machine.initial_state()
         told = [(one.t_ns, one.text) for one in state.happened]
         track = None
-        for _ in range(ceil(LONGEST_REHEARSAL_S * 1e9 / STEP_NS)):
+        for _ in range(ceil(longest_s * 1e9 / STEP_NS)):
             body = state.bodies[self.machine.ego]
             if body is not None and body.track != track:
                 track = body.track

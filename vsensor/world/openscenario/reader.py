@@ -9,7 +9,7 @@ from vsensor.world.opendrive.xml import Element, MapReader, children, read_root,
 from vsensor.world.openscenario.expressions import ExpressionError, evaluated
 
 LARGEST_FILE_BYTES = 16 * 1024 * 1024
-MOST_ELEMENTS = 200_000
+MOST_ELEMENTS = 100_000
 """Of a scenario with everything that its catalogs bring: a catalog entry can ask for another many times."""
 
 DEEPEST_CATALOGS = 16
