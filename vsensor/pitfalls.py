@@ -23,6 +23,7 @@ def pitfalls(scenario: Scenario, line: Line) -> list[str]:
         *_assumed_without_effect(scenario),
         *_without_map(scenario, line),
         *_lanes_that_are_not_there(scenario, line),
+        *_bumps_that_nobody_feels(scenario, line),
         *_faults_after_the_end(scenario),
     ]
 
@@ -77,6 +78,15 @@ def _lanes_that_are_not_there(scenario: Scenario, line: Line) -> list[str]:
             "so it drives beside the road's lanes"
         )
     return found
+
+
+def _bumps_that_nobody_feels(scenario: Scenario, line: Line) -> list[str]:
+    drive = line.source.drive if isinstance(line.source, LiveDrive) else line.source
+    if not isinstance(drive, MapDrive) or scenario.config.motion.body:
+        return []
+    if not drive.corridor.road_map.has_swells:
+        return []
+    return ["motion.body = false: the road's bumps and roughness are without effect"]
 
 
 def _faults_after_the_end(scenario: Scenario) -> list[str]:

@@ -250,7 +250,6 @@ class Corridor:
 
     def uneven(self, s_m: float) -> Unevenness | None:
         """Return what lies under a vehicle whose rear axle is at a distance, None on an even road."""
-        swells = self._extras.swells(s_m - UNEVEN_M, s_m + UNEVEN_M)
-        if not swells and not self.road_map.has_swells:
+        if not self.road_map.has_swells:
             return None
-        return Unevenness(rear_axle_m=s_m, swells=swells)
+        return Unevenness(rear_axle_m=s_m, swells=self._extras.swells(s_m - UNEVEN_M, s_m + UNEVEN_M))

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from tests.world.road.made import STRAIGHT, built
+from tests.world.road.made import STRAIGHT, built, written
 from vsensor import motion
+from vsensor.cli import main
 from vsensor.draws import Draws
 from vsensor.motion import BumpConfig, MotionConfig, load_motion
 from vsensor.motion.swell import swell_height_m
@@ -144,3 +145,10 @@ def test_a_rough_road_is_the_same_for_the_same_seed_alone():
     first, again, other = (rough_swells("B", 0.0, 50.0, seed)[1].amplitude_m for seed in (1, 1, 2))
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, other)
+
+
+def test_check_says_that_nobody_feels_the_bumps_of_a_road(tmp_path, capsys):
+    path = written(tmp_path, 'schema = "vsensor.scenario/1"\nsource = "road.toml"\n', "drive.toml")
+    written(tmp_path, STRAIGHT + BUMP)
+    assert main(["check", str(path)]) == 1
+    assert "motion.body = false: the road's bumps" in capsys.readouterr().out
