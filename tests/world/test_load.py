@@ -1,10 +1,13 @@
 """Refusals of broken maps: one line that names file, line, element, attribute."""
 
+import copy
+import math
 import random
 import re
 
 import numpy as np
 import pytest
+from lxml import etree
 
 from tests.maps import REAL_MAPS, document, geometry, lane, loaded, road, section
 from tests.shared import SHARED_DATA, needs_shared
@@ -142,6 +145,11 @@ def test_findings_that_a_map_survives_are_warnings_with_a_line(tmp_path):
             "road 8, is not in the map",
         ),
         ('<width sOffset="0" a="3.5" b="0" c="0" d="0"/>', "", "neither width nor border"),
+        (
+            'a="3.5" b="0" c="0" d="0"/>',
+            'a="3.5" b="-0.1" c="0" d="0"/>',
+            "<lane>: its width is -6.5 m at s = 100: 0 m wherever below 0",
+        ),
         ("<header ", "<kopf ", "no <header>"),
         ('revMinor="7"', 'revMinor="1"', "OpenDRIVE 1.1 is read as"),
         ('id="1" type', 'id="3" type', "lane ids are not counted on from the centre"),
@@ -155,6 +163,25 @@ def test_what_is_doubtful_is_told_and_driven(tmp_path, wrong, right, says):
     road_map = load_map(path)
     assert says in " ".join(road_map.warnings)
     assert Corridor(road_map).markings_window(0.0, 10.0)
+
+
+def test_a_road_that_crosses_itself_on_one_level_is_told_and_one_that_bridges_itself_is_not(tmp_path):
+    """A full circle of 10 m and on in a straight line: it comes by its own beginning."""
+    around = 2 * math.pi * 10.0
+    plan = geometry("<line/>", 20.0) + geometry('<arc curvature="0.1"/>', around * 0.75, s=20.0, x=20.0)
+    end = 20.0 + around * 0.75
+    plan += geometry("<line/>", 30.0, s=end, x=10.0, y=10.0, hdg=1.5 * math.pi)
+    level = loaded(tmp_path, road(plan, length=end + 30.0))
+    (warning,) = level.warnings
+    places = re.search(r"<road>: crosses itself on one level at s = ([\d.]+) and ([\d.]+) m", warning)
+    np.testing.assert_allclose([float(places[1]), float(places[2])], [10.0, end + 10.0], atol=0.3)
+    hill = '<elevation s="0" a="0" b="0.1" c="0" d="0"/>'
+    assert loaded(tmp_path, road(plan, length=end + 30.0, elevation=hill)).warnings == ()
+
+
+def test_a_closed_circuit_does_not_cross_itself(tmp_path):
+    around = 2 * math.pi * 50.0
+    assert loaded(tmp_path, road(geometry('<arc curvature="0.02"/>', around), length=around)).warnings == ()
 
 
 def test_a_missing_road_is_named_with_those_that_exist(tmp_path):
@@ -209,6 +236,52 @@ def test_a_map_with_any_attribute_wrong_is_refused_or_driven(tmp_path, name):
         driven += 1
     assert refused + driven == 60
     assert min(refused, driven) > 0
+
+
+def rebuilt(root, rng):
+    """Change the tree: one to three elements gone, doubled, moved elsewhere, or renamed."""
+    for _ in range(rng.randint(1, 3)):
+        everything = [each for each in root.iter() if each.getparent() is not None]
+        one, other = rng.choice(everything), rng.choice(everything)
+        deed = rng.choice(("gone", "doubled", "moved", "renamed"))
+        if deed == "gone":
+            one.getparent().remove(one)
+        elif deed == "doubled":
+            one.addnext(copy.deepcopy(one))
+        elif deed == "moved" and one not in set(other.iterancestors()) | {other}:
+            other.append(one)
+        elif deed == "renamed":
+            one.tag = other.tag
+
+
+@needs_shared
+@pytest.mark.parametrize("name", ["curve_r100", "velodrome", "multi_lanesections"])
+def test_a_map_with_elements_gone_doubled_or_moved_is_refused_or_driven(tmp_path, name):
+    whole = etree.parse(SHARED_DATA / "xodr" / f"{name}.xodr")
+    path, rng, refused, driven = tmp_path / "wrong.xodr", random.Random(name), 0, 0
+    for _ in range(25):
+        tree = copy.deepcopy(whole)
+        rebuilt(tree.getroot(), rng)
+        path.write_bytes(etree.tostring(tree))
+        try:
+            corridor = Corridor(load_map(path))
+            corridor.markings_window(0.0, 50.0)
+            assert np.isfinite(corridor.poses(np.linspace(0.0, 50.0, 6)).position_world_m).all()
+        except MapError as error:
+            refused += "\n" not in str(error)
+            continue
+        driven += 1
+    assert refused + driven == 25
+    assert min(refused, driven) > 0
+
+
+def test_a_billion_laughs_are_refused_before_the_first(tmp_path):
+    entities = '<!ENTITY a0 "ha">' + "".join(f'<!ENTITY a{n} "{10 * f"&a{n - 1};"}">' for n in range(1, 12))
+    path = tmp_path / "map.xodr"
+    laughs = document(road()).replace("</OpenDRIVE>", "<userData>&a11;</userData></OpenDRIVE>")
+    path.write_text(f"<!DOCTYPE OpenDRIVE [{entities}]>{laughs}")
+    with pytest.raises(MapError, match=r"map\.xodr:1: has a document type definition"):
+        load_map(path)
 
 
 @needs_shared

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from vsensor.types import frozen
+from vsensor.world.opendrive.crossing import self_crossing
 from vsensor.world.opendrive.extras import read_ground, read_lines, read_swells
 from vsensor.world.opendrive.load_lanes import read_cubics, read_lanes
 from vsensor.world.opendrive.load_plan import LENGTH_TOLERANCE_M, LONGEST_ROAD_M, read_plan_view
@@ -124,6 +125,12 @@ def _road(reader: MapReader, element: Element) -> Road:
     road_id = reader.text(element, "id")
     plan = read_plan_view(reader, element)
     length = _length(reader, element, plan)
+    elevation = _cubics(reader, children(element.find("elevationProfile"), "elevation"))
+    if (crossing := self_crossing(plan, elevation, length)) is not None:
+        reader.warn(
+            element,
+            "crosses itself on one level at s = {:.1f} and {:.1f} m: taken as it is".format(*crossing),
+        )
     rule = reader.choice(element, "rule", ("RHT", "LHT"))
     lateral = element.find("lateralProfile")
     for ignored in children(lateral, "crossfall", "crossSectionSurface"):
@@ -135,7 +142,7 @@ def _road(reader: MapReader, element: Element) -> Road:
         junction=" ".join((element.get("junction") or "-1").split()),
         left_hand_traffic=rule == "LHT",
         plan=plan,
-        elevation=_cubics(reader, children(element.find("elevationProfile"), "elevation")),
+        elevation=elevation,
         superelevation=_cubics(reader, children(lateral, "superelevation")),
         shape=_shape(reader, lateral),
         sections=read_lanes(reader, element, length, _type(element)),

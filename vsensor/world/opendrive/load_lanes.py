@@ -9,6 +9,8 @@ from vsensor.world.opendrive.xml import Element, MapReader, children, read_cubic
 
 SIDES = {"left": 1, "center": 0, "right": -1}
 MOST_LANES = 200
+WIDTH_TOLERANCE_M = 1e-3
+"""Widths of real maps end at 0 with rounding."""
 SAME_S_M = 1e-6
 """A lane offset that starts this close to a section's start starts with it."""
 
@@ -27,8 +29,20 @@ def read_lanes(reader: MapReader, road: Element, length_m: float, road_type: str
         current = current | _section(reader, element, start, road_type)
         offset = _within(offsets, start, end)
         by_id = current[1] | current[0] | current[-1]
+        _check_widths(reader, element, by_id, end)
         sections.append(Section(start, end, offset, {i: by_id[i] for i in sorted(by_id, reverse=True)}))
     return tuple(sections)
+
+
+def _check_widths(reader: MapReader, section: Element, lanes: dict[int, Lane], end_m: float) -> None:
+    """Tell lanes that are narrower than nothing: one line for each, where it is worst."""
+    for el in (el for group in children(section, *SIDES) for el in children(group, "lane")):
+        lane = lanes[reader.integer(el, "id")]
+        if lane.is_border or lane.id == 0:
+            continue
+        narrowest, at_m = lane.width.least(end_m)
+        if narrowest < -WIDTH_TOLERANCE_M:
+            reader.warn(el, f"its width is {narrowest:.3g} m at s = {at_m:.6g}: 0 m wherever below 0")
 
 
 def _within(records: list[CubicRecord], start_m: float, end_m: float) -> Cubics:

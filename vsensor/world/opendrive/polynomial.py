@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import copysign, sqrt
 
 import numpy as np
 
@@ -38,6 +39,18 @@ class Cubics:
         """Whether the value is 0 everywhere."""
         return not self.coefficients.any()
 
+    def least(self, end_m: float) -> tuple[float, float]:
+        """Return the least value from the first record to `end_m` and where it is; 0 without records."""
+        found = [(0.0, end_m)]
+        ends = [*self.starts_m.tolist()[1:], end_m]
+        for start, end, row in zip(self.starts_m.tolist(), ends, self.coefficients.tolist(), strict=True):
+            a, b, c, d = row
+            span = min(end, end_m) - start
+            for ds in (0.0, span, *_turns(b, 2 * c, 3 * d)):
+                if 0.0 <= ds <= span:
+                    found.append((a + ds * (b + ds * (c + ds * d)), start + ds))
+        return min(found)
+
     def at(self, s_m: Array) -> tuple[Array, Array, Array]:
         """Return value, first and second derivative, each (N,)."""
         if self.is_zero:
@@ -51,3 +64,14 @@ class Cubics:
         a, b, c, d = np.where(place < 0, 0.0, self.coefficients[np.maximum(place, 0)].T)
         ds = s_m - self.starts_m[np.maximum(place, 0)]
         return a + ds * (b + ds * (c + ds * d)), b + ds * (2 * c + ds * 3 * d), 2 * c + ds * 6 * d
+
+
+def _turns(a: float, b: float, c: float) -> tuple[float, ...]:
+    """Return where a + b x + c x^2 is 0."""
+    if c == 0.0:
+        return (-a / b,) if b != 0.0 else ()
+    square = b * b - 4.0 * a * c
+    if square < 0.0:
+        return ()
+    larger = -(b + copysign(sqrt(square), b)) / 2.0
+    return (larger / c, a / larger) if larger != 0.0 else (0.0,)
