@@ -6,7 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from tools.bench import errors, frontier, growth, peers, pictures, reference, scans
+from tests.shared import SHARED_DATA, needs_shared
+from tools.bench import errors, frontier, growth, peers, pictures, reference, scans, world
 from tools.bench.__main__ import main
 from tools.bench.report import markdown
 from tools.bench.scene import boxes_in_view, reference_line, ticks_at
@@ -14,6 +15,7 @@ from vsensor.error_model import ErrorModelConfig
 from vsensor.sensor import SensorConfig
 from vsensor.tracker import TrackerConfig
 from vsensor.types import Unseen
+from vsensor.world.opendrive import load_map
 
 
 @pytest.fixture(scope="module")
@@ -159,3 +161,28 @@ def test_the_bench_of_scans_measures_cost_and_path_and_judges_both():
     assert straight[3]
     assert math.isnan(float(bend[2].split()[0]))  # of R = 250 m nothing was measured here
     assert "| 1000.0 | 30.0 | dithered |" in scans.page(found)
+
+
+@needs_shared
+def test_a_map_side_by_side_is_the_map_so_many_times_over(tmp_path):
+    path = tmp_path / "huge.xodr"
+    world.side_by_side(SHARED_DATA / "xodr" / "fabriksgatan.xodr", path, 3)
+    one, three = load_map(SHARED_DATA / "xodr" / "fabriksgatan.xodr"), load_map(path)
+    assert len(three.roads) == 3 * len(one.roads)
+    assert three.warnings == ()
+    ends = [list(three.roads.values())[k * len(one.roads)].point(0.0, 0.0)[0, 0] for k in range(3)]
+    assert np.diff(ends).tolist() == pytest.approx([2000.0, 2000.0])
+
+
+def test_what_a_cubic_leaves_of_an_arc_is_at_least_its_fourth_power():
+    for radius_m in (250.0, 1500.0):
+        assert world.arc_limit_m(radius_m, 100.0) > 50.0**4 / (105 * radius_m**3)
+
+
+def test_the_bench_of_the_world_judges_what_it_measured():
+    cost = {"mb": 2.0, "load_s": 1.0, "memory_mb": 20.0, "peak_mb": 99.0, "pose_us": 30.0, "window_us": 9.0}
+    huge = {**cost, "copies": 100, "pose_us": 51.0}
+    fit = [{"radius_m": 250, "std_m": 0.005, "limit_m": 0.005, "worst_m": 0.016}]
+    found = {"largest": cost, "small": cost, "huge": huge, "vehicles": 50, "tick_us": 990.0, "fit": fit}
+    assert [row[3] for row in world.targets(found)] == [True, False, None, True, None]
+    assert "| 250 | 5.000 | 5.000 | 16.000 |" in world.page(found)

@@ -21,13 +21,14 @@ from tools.bench import (
     scans,
     timing,
     tuning,
+    world,
 )
 from tools.bench.measure import ROOT, machine
 from tools.bench.report import markdown
 
 SECTIONS = (
     *("demo", "fast", "encoding", "decoding", "errors", "vcan", "loop", "timing", "replay"),
-    *("reference", "frontier", "growth", "memory", "hard", "scan", "tune"),
+    *("reference", "frontier", "growth", "memory", "hard", "scan", "tune", "world"),
 )
 
 
@@ -74,6 +75,7 @@ def main(words: list[str] | None = None) -> int:
         "hard": ("hard_cases", hard_cases),
         "scan": ("scan", scans.scans),
         "tune": ("tune", lambda: tuning.tunings(full=arguments.full)),
+        "world": ("world", world.world),
     }
     report: dict[str, dict] = {"machine": machine()}
     for section, (key, work) in works.items():

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tools.bench import errors, loop, report_replay, report_timing, scans, tuning
+from tools.bench import errors, loop, report_replay, report_timing, scans, tuning, world
 from tools.bench.tables import table
 
 Report = Mapping[str, Any]
@@ -213,6 +213,7 @@ TARGETS = {
     "memory": _memory,
     "scan": scans.targets,
     "tune": tuning.targets,
+    "world": world.targets,
 }
 SECTIONS = {
     "demo_tick": lambda demo: "## The demo tick\n\n" + _stages(demo["stages_p50_ms"]),
@@ -225,4 +226,5 @@ SECTIONS = {
     "hard_cases": _hard_page,
     "scan": scans.page,
     "tune": tuning.page,
+    "world": world.page,
 }

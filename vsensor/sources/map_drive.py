@@ -249,22 +249,21 @@ class MapDrive:
             return ()
         offsets = [one.offset_m + self.lane_offset(one.lanes_left, s_m) for _, one, s_m in near]
         poses = self.corridor.poses(np.array([s_m for *_, s_m in near]), np.array(offsets))
-        boxes = []
-        for row, (number, one, _) in enumerate(near):
-            roll, pitch, yaw = _angles(poses, row)
-            up = rotation_from_rpy(roll, pitch, yaw)[:, 2]
-            boxes.append(
-                Obstacle(
-                    id=number,
-                    centre_world_m=frozen(poses.position_world_m[row] + 0.5 * one.size_m[2] * up),
-                    size_m=one.size_m,
-                    roll_rad=roll,
-                    pitch_rad=pitch,
-                    yaw_rad=yaw,
-                    mesh=one.mesh,
-                )
+        half_m = np.array([0.5 * one.size_m[2] for _, one, _ in near])
+        centres = frozen(poses.position_world_m + half_m[:, None] * _ups(poses))
+        angles = zip(poses.roll_rad.tolist(), poses.pitch_rad.tolist(), poses.yaw_rad.tolist(), strict=True)
+        return tuple(
+            Obstacle(
+                id=number,
+                centre_world_m=centre,
+                size_m=one.size_m,
+                roll_rad=roll,
+                pitch_rad=pitch,
+                yaw_rad=yaw,
+                mesh=one.mesh,
             )
-        return tuple(boxes)
+            for (number, one, _), centre, (roll, pitch, yaw) in zip(near, centres, angles, strict=True)
+        )
 
     def lane_offset(self, lanes_left: int, s_m: float) -> float:
         """Return the offset of a lane beside, linear between places 10 m apart (the map takes 0.4 ms)."""
@@ -294,6 +293,14 @@ def _turned(poses: Poses, turn_rad: float) -> tuple[float, float, float]:
         return angles
     rotation: Array = rotation_from_rpy(*angles) @ rotation_from_rpy(0.0, 0.0, turn_rad)
     return rpy_from_rotation(rotation)
+
+
+def _ups(poses: Poses) -> Array:
+    """Return the road's normals (N, 3): the third columns of Rz(yaw) Ry(pitch) Rx(roll)."""
+    (cr, cp, cy), (sr, sp, sy) = (
+        (f(poses.roll_rad), f(poses.pitch_rad), f(poses.yaw_rad)) for f in (np.cos, np.sin)
+    )
+    return np.column_stack((cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr))
 
 
 def _angles(poses: Poses, row: int) -> tuple[float, float, float]:
