@@ -15,7 +15,7 @@ from math import exp, sqrt
 import numpy as np
 
 from vsensor.draws import Draws, Stage
-from vsensor.error_model.chain import drawn, stepped, steps_between
+from vsensor.error_model.chain import drawn, once, stepped, steps_between
 from vsensor.error_model.law import ErrorLaw, ModelLaw, quantile
 from vsensor.error_model.report import ReportState, advance, reported
 from vsensor.error_model.rule import Conditions
@@ -109,11 +109,13 @@ def _advance(
     step = _next_z if law.mode == "volume" else _next_level
     process = step(model, old, ages, draws, tick, here)
     horizon = tick.index - FORGET_AFTER * model.time_s * 1e9 / tick.period_ns
-    away = [
-        place
-        for place, (line, at) in enumerate(zip(state.lines, state.ticks, strict=True))
-        if at >= horizon and line not in here
-    ]
+    away = []
+    if state.lines != here:
+        away = [
+            place
+            for place, (line, at) in enumerate(zip(state.lines, state.ticks, strict=True))
+            if at >= horizon and line not in here
+        ]
     if away:
         process = np.concatenate([process, state.process[away]])
     return ErrorState(
@@ -157,7 +159,10 @@ def _next_z(
     decay = tick.period_ns * 1e-9 / model.time_s
     keep = [0.0 if age is None else exp(-max(age, 0) * decay) for age in ages]
     rest = [sqrt(1.0 - one * one) for one in keep]
-    return np.asarray(np.array(keep)[:, None] * old + np.array(rest)[:, None] * smooth)
+    if keep.count(keep[0]) == len(keep):  # all were there in the image before, say
+        smooth *= rest[0]
+        return smooth + keep[0] * old
+    return np.asarray(np.array(rest)[:, None] * smooth + np.array(keep)[:, None] * old)
 
 
 def _next_level(
@@ -168,8 +173,9 @@ def _next_level(
         uniform = draws.at(Stage.ERROR_MODEL, tick.index, line).random(1)
         if age is None:
             levels[row] = drawn(model.start, uniform)
+        elif (steps := steps_between(tick.index - age, tick, model.period_s)) == 1:
+            levels[row, 0] = once(model.below, int(old[row, 0]), float(uniform[0]))
         else:
-            steps = steps_between(tick.index - age, tick, model.period_s)
             levels[row] = stepped(model.step, old[row].astype(np.int64), steps, uniform)
     return levels
 

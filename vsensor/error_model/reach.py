@@ -40,12 +40,20 @@ class Region:
     def at(self, speed_mps: float) -> Reach:
         """Return how far it reports at a speed; one that is not known has the shortest range."""
         is_known = not isnan(speed_mps)
-        column = int(np.argmin(np.abs(self.columns_mps - speed_mps))) if is_known else -1
+        column = self._column(speed_mps) if is_known else -1
         range_m = inf
         if len(self.range_m):
             range_m = float(np.interp(speed_mps, self.speed_mps, self.range_m))
             range_m = range_m if is_known else float(self.range_m.min())
         return Reach(range_m=range_m, points_m=range_m * self.most, blind_m=self.blind_m[column])
+
+    def _column(self, speed_mps: float) -> int:
+        """Return the place of the nearest column; of two as near the slower."""
+        columns = self.columns_mps
+        above = int(columns.searchsorted(speed_mps))
+        if above == len(columns) or (above and speed_mps - columns[above - 1] <= columns[above] - speed_mps):
+            return above - 1
+        return above
 
 
 def _intervals(range_m: Array, blind: Array) -> Array:

@@ -19,9 +19,9 @@ import numpy as np
 from scipy.special import ndtr
 
 from vsensor.draws import Draws, Stage
-from vsensor.error_model.chain import drawn, stationary, stepped, steps_between
+from vsensor.error_model.chain import below, drawn, once, stationary, stepped, steps_between
 from vsensor.error_model.model import ErrorModel
-from vsensor.types import Array, BoolArray, IntArray, LaneEstimate, Side, Tick, frozen
+from vsensor.types import Array, BoolArray, Boundary, IntArray, LaneEstimate, Side, Tick, frozen
 
 SIDES = len(Side)
 NEVER = 2**62
@@ -44,6 +44,7 @@ class ReportLaw:
     share: Array
     share_time_s: float
     quality_step: Array
+    quality_below: tuple[list[float], ...]
     quality_start: Array
     quality_period_s: float
 
@@ -57,6 +58,7 @@ class ReportLaw:
             share=model.range_share,
             share_time_s=model.range_time_s,
             quality_step=model.quality_step,
+            quality_below=below(model.quality_step),
             quality_start=stationary(model.quality_step),
             quality_period_s=model.quality_period_s,
         )
@@ -102,15 +104,34 @@ def advance(
         return _started(law, model, noise, uniform, draws, tick)
     if state.model != model:
         state = _taken_over(laws[state.model], law, state, draws, tick)
-    while (state.until <= tick.index).any():
+    while min(state.until.tolist()) <= tick.index:
         state = _turned(law, state, draws, tick)
     keep = exp(-(tick.index - state.tick) * tick.period_ns * 1e-9 / law.share_time_s)
-    quality = state.quality
-    if len(law.quality_step):
-        steps = steps_between(state.tick, tick, law.quality_period_s)
-        quality = frozen(stepped(law.quality_step, quality, steps, uniform), np.int64)
-    z = frozen(keep * state.z + sqrt(1.0 - keep * keep) * noise)
-    return replace(state, tick=tick.index, model=model, z=z, quality=quality)
+    noise *= sqrt(1.0 - keep * keep)
+    noise += keep * state.z
+    noise.flags.writeable = False
+    return ReportState(  # built, not replaced: a third of the time
+        tick=tick.index,
+        model=model,
+        lost=state.lost,
+        u=state.u,
+        over=state.over,
+        since=state.since,
+        until=state.until,
+        z=noise,
+        quality=_rated(law, state, tick, uniform),
+    )
+
+
+def _rated(law: ReportLaw, state: ReportState, tick: Tick, uniform: Array) -> IntArray:
+    """Return the chain of the quality at `tick`."""
+    if not law.quality_below:
+        return state.quality
+    steps = steps_between(state.tick, tick, law.quality_period_s)
+    if steps != 1:
+        return frozen(stepped(law.quality_step, state.quality, steps, uniform), np.int64)
+    pairs = zip(state.quality.tolist(), uniform.tolist(), strict=True)
+    return frozen([once(law.quality_below, one, part) for one, part in pairs], np.int64)
 
 
 def _started(
@@ -199,19 +220,43 @@ def reported(law: ReportLaw, state: ReportState, estimate: LaneEstimate, range_m
 
     What follows from the lines (lane offsets, width, centre, "not available") follows from these.
     """
-    shares = np.interp(ndtr(state.z), law.share_levels, law.share) if len(law.share) else None
-    is_rated = len(law.quality_step) > 0
-    kept, lost = [], list(estimate.lost)
+    share = np.interp(ndtr(state.z), law.share_levels, law.share).tolist() if len(law.share) else ()
+    rated = state.quality.tolist() if law.quality_below else ()
+    is_lost, kept, lost = state.lost.tolist(), [], list(estimate.lost)
     for line in estimate.boundaries:
         side = int(line.side)
-        if state.lost[side]:
+        if is_lost[side]:
             lost.append(line.side)
             continue
         end_m, quality = line.x_max_m, line.quality
-        if shares is not None:
-            end_m = max(min(end_m, float(shares[side]) * range_m), min(line.x_min_m, end_m))
-        if is_rated:
-            rated = max(1, int(state.quality[side]))
-            quality = rated if line.measured else min(rated, quality)
-        kept.append(replace(line, x_max_m=end_m, quality=quality))
-    return replace(estimate, boundaries=tuple(kept), lost=tuple(lost))
+        if share:
+            end_m = max(min(end_m, share[side] * range_m), min(line.x_min_m, end_m))
+        if rated:
+            quality = max(1, rated[side]) if line.measured else min(max(1, rated[side]), quality)
+        kept.append(_ended(line, end_m, quality))
+    return LaneEstimate(
+        exposed_at_ns=estimate.exposed_at_ns,
+        image_index=estimate.image_index,
+        boundaries=tuple(kept),
+        lane_change=estimate.lane_change,
+        degraded=estimate.degraded,
+        lost=tuple(lost),
+    )
+
+
+def _ended(line: Boundary, x_max_m: float, quality: int) -> Boundary:
+    """Return the line with another end and quality; `replace` takes three times as long."""
+    return Boundary(
+        side=line.side,
+        coefficients=line.coefficients,
+        covariance=line.covariance,
+        x_min_m=line.x_min_m,
+        x_max_m=x_max_m,
+        quality=quality,
+        kind=line.kind,
+        colour=line.colour,
+        width_m=line.width_m,
+        measured=line.measured,
+        marking=line.marking,
+        points=line.points,
+    )

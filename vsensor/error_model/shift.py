@@ -12,21 +12,24 @@ CHORD_M = 5.0
 
 
 def shift(lines: LinePoints, grid_m: Array, errors_m: Sequence[Array] | Array) -> LinePoints:
-    """Move line k by `errors_m[k]` (G,) given on `grid_m`, along its normal, left positive.
+    """Move line k by `errors_m[k]` (G,) given on `grid_m`, along its normal there, left positive.
 
-    Beyond the grid the nearest error holds.
+    Between two nodes of the grid the movement is linear, beyond it that of the nearest node.
     """
     points = lines.points_ego_m.copy(order="K")  # along x, y and z each, as they come
-    moved = np.empty(len(points), complex)  # error + i slope: one search of the grid gives both
-    for row, (start, stop) in enumerate(pairwise(lines.starts.tolist())):
+    spans = list(pairwise(lines.starts.tolist()))
+    slope = np.zeros((len(spans), len(grid_m)))
+    for row, (start, stop) in enumerate(spans):
         if stop > start:
-            x = points[start:stop, 0]
-            on_grid = errors_m[row] + 1j * _slope(x, points[start:stop, 1], grid_m)
-            moved[start:stop] = np.interp(x, grid_m, on_grid)
-    offset, slope = moved.real, moved.imag
-    along_y = offset / np.sqrt(1.0 + slope * slope)
-    points[:, 0] -= along_y * slope
-    points[:, 1] += along_y
+            slope[row] = _slope(points[start:stop, 0], points[start:stop, 1], grid_m)
+    moved = np.empty(slope.shape, complex)  # back along x + i left along y: one search gives both
+    moved.imag = errors_m / np.sqrt(1.0 + slope * slope)
+    moved.real = moved.imag * slope
+    for row, (start, stop) in enumerate(spans):
+        x = points[start:stop, 0]
+        by = np.interp(x, grid_m, moved[row])
+        x -= by.real
+        points[start:stop, 1] += by.imag
     points.flags.writeable = False
     return LinePoints(marking=lines.marking, starts=lines.starts, index=lines.index, points_ego_m=points)
 
