@@ -107,9 +107,9 @@ class BlockPass:
                 self._add_share(sums, rows)
                 continue
             for piece in pieces(rows):
-                if len(piece.t_ns):
+                if piece.count:
                     cell = self.binning.cells(piece, places)
-                    place = bin_of(piece.error_m * per_metre[cell])
+                    place = bin_of(piece.error_m * per_metre.take(cell))
                     place += cell * np.int32(2 * SIZES)
                     log.add(piece, cell, place)
         log.close()
@@ -169,7 +169,7 @@ class _Log:
             self.began_ns = int(rows.t_ns[0])
         block = (rows.t_ns - self.began_ns) // self.work.block_ns
         starts = np.concatenate([[0], np.flatnonzero(np.diff(block)) + 1, [len(block)]])
-        band = self.work.band_of[place]
+        band = self.work.band_of.take(place)
         for start, stop in itertools.pairwise(starts):
             if block[start] != self.block:
                 self.close_block()
@@ -187,7 +187,7 @@ class _Log:
                         rows.group[part],
                         cell[part],
                         band[part],
-                        self.work.score_of[place[part]],
+                        self.work.score_of.take(place[part]),
                     )
                 )
 

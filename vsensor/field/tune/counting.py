@@ -33,7 +33,7 @@ class Binning:
         if self.scale_m.shape[0] > 1:
             cell += rows.group * np.int32(speeds)
         cell *= ranges
-        cell += places[range_mm(rows.range_m)]
+        cell += places.take(range_mm(rows.range_m))  # half the time of places[...]
         return cell
 
 
@@ -52,18 +52,18 @@ class CountPass:
         flat = counts.reshape(-1)
         places = self.binning.grid.places()
         per_metre = (1.0 / self.binning.scale_m).astype(np.float32).reshape(-1)
-        for rows in read_log(file, self.binning.conditions.rule, progress):
+        for rows in read_log(file, self.binning.conditions.rule, progress, timed=False):
             assert isinstance(rows, Rows)
             for piece in pieces(rows):
                 cell = self.binning.cells(piece, places)
-                place = bin_of(piece.error_m * per_metre[cell])
+                place = bin_of(piece.error_m * per_metre.take(cell))
                 place += cell * np.int32(2 * SIZES)
                 np.add.at(flat, place, np.uint32(1))
 
 
 def pieces(rows: Rows) -> list[Rows]:
     """Return the rows in pieces of at most `PIECE`."""
-    if len(rows.t_ns) <= PIECE:
+    if rows.count <= PIECE:
         return [rows]
-    starts = range(0, len(rows.t_ns), PIECE)
+    starts = range(0, rows.count, PIECE)
     return [rows_of([values[at : at + PIECE] for values in rows.columns()]) for at in starts]

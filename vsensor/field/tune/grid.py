@@ -45,10 +45,13 @@ def signed_edges() -> Array:
 def bin_of(scaled: np.ndarray) -> np.ndarray:
     """Return the bin (N,) int32 of errors over their scale (N,) float32."""
     bits = scaled.view(np.int32)
-    size = (bits & 0x7FFFFFFF) >> _SHIFT
+    size = bits & 0x7FFFFFFF
+    size >>= _SHIFT
     size -= _BASE - 1
     np.clip(size, 0, SIZES - 1, out=size)
-    return np.where(bits < 0, SIZES - 1 - size, SIZES + size)
+    size ^= bits >> 31  # of a negative error -1 - size
+    size += SIZES
+    return size
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -21,7 +21,7 @@ from vsensor.field.tune.grid import Grid
 from vsensor.field.tune.loop import Closed, close_loop
 from vsensor.field.tune.quantiles import FEWEST_BLOCKS
 from vsensor.field.tune.region import operating_region, range_share
-from vsensor.field.tune.spread import Spread, on_cluster, rows_bar, serial
+from vsensor.field.tune.spread import Spread, on_cluster, rows_bar, threads
 from vsensor.field.tune.surface import (
     SIGNED_LEVELS,
     Intervals,
@@ -159,7 +159,7 @@ def _spread(table: Table, options: TuneOptions, stack: ExitStack) -> Spread:
 
         client, _ = cluster_client(options.scheduler)
         return on_cluster(stack.enter_context(client))
-    return serial(stack.enter_context(rows_bar(table, 3, shown=options.progress)))
+    return threads(stack.enter_context(rows_bar(table, 3, shown=options.progress)))
 
 
 def _present(chosen: Conditions, rows: np.ndarray) -> list[int]:
