@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from tests.shared import SHARED_DATA, needs_shared
+from tests.vehicle_frames import Gateway
 from vsensor.cli import main
 from vsensor.config import SHIPPED
 
@@ -683,9 +684,18 @@ def test_check_names_the_camera_models_that_are_on(capsys, tmp_path):
         assert words[:5] not in plain.partition("camera ")[2].partition("\n")[0]
 
 
-def test_output_into_a_closed_pipe_ends_quietly(tmp_path):
-    log = tmp_path / "out.log"
-    assert main(["run", "--fast", "--duration", "20", "--log", str(log), "--quiet"]) == 0
+@pytest.fixture(scope="module")
+def long_log(tmp_path_factory):
+    """A log of 1000 images: more than a pipe holds."""
+    log = tmp_path_factory.mktemp("long") / "out.log"
+    own_map(log.parent)
+    path = scenario_file(log.parent, 'source = "highway.xodr"\n[camera]\nmodel = "none"\n')
+    assert main(["run", str(path), "--fast", "--duration", "40", "--log", str(log), "--quiet"]) == 0
+    return log
+
+
+def test_output_into_a_closed_pipe_ends_quietly(long_log):
+    log = long_log
     command = f"{sys.executable} -m vsensor.cli decode {log} | head -1"
     done = subprocess.run(command, shell=True, capture_output=True, text=True, env=os.environ, check=True)
     assert "left" in done.stdout
@@ -693,15 +703,14 @@ def test_output_into_a_closed_pipe_ends_quietly(tmp_path):
 
 
 @pytest.mark.parametrize("words", [["decode", "out.log", "--csv"], ["check", "native"]])
-def test_output_onto_a_full_disk_is_one_line(tmp_path, words):
-    assert main(["run", "--fast", "--duration", "20", "--log", str(tmp_path / "out.log"), "--quiet"]) == 0
+def test_output_onto_a_full_disk_is_one_line(long_log, words):
     with open("/dev/full", "w") as full:
         done = subprocess.run(
             [sys.executable, "-m", "vsensor", *words],
             stdout=full,
             stderr=subprocess.PIPE,
             text=True,
-            cwd=tmp_path,
+            cwd=long_log.parent,
         )
     assert done.returncode == 2
     assert_one_line(done.stderr, "standard output", "No space left")
@@ -717,3 +726,54 @@ def test_help_teaches_every_command(capsys, command):
     assert status == 0
     assert "vsensor" in out
     assert len(out.splitlines()) > 8
+
+
+def test_the_list_of_commands_has_a_whole_sentence_for_each(capsys):
+    _, out, _ = vsensor(capsys, "--help")
+    listed = out.partition("COMMAND\n")[2].partition("\n\n")[0]
+    said = re.split(r"\n    (?=\w)", "\n" + listed)[1:]
+    assert len(said) > 15
+    assert [one for one in said if not one.strip().endswith((".", "?"))] == []
+
+
+def test_a_second_database_is_refused_and_not_lost(capsys, tmp_path):
+    words = ["--dbc", "one.dbc", "--dbc", "two.dbc"]
+    for command in (["run"], ["check", "honda"], ["decode", "a.log"], ["convert", "a.log", "a.parquet"]):
+        status, _, err = vsensor(capsys, *command, *words)
+        assert status == 2
+        assert_one_line(err, "--dbc two.dbc: there is one already, one.dbc")
+
+
+@needs_shared
+def test_each_of_several_profiles_may_be_told_with_its_database(capsys, tmp_path):
+    dbc = SHARED_DATA / "dbc"
+    log = tmp_path / "out.log"
+    profile = ["--profile", "honda", "--dbc", dbc / "honda_bosch_lane_lines_extract.dbc"]
+    assert vsensor(capsys, "run", "--fast", "--duration", 2, "--log", log, *profile)[0] == 0
+    words = [f"honda={profile[-1]}", f"tesla={dbc / 'tesla_das_lanes_extract.dbc'}"]
+    _, out, _ = vsensor(capsys, "decode", log, "--csv", "--profile", words[0], "--profile", words[1])
+    assert "left.offset_m" in out.splitlines()[0]
+    assert len(out.splitlines()) > 20
+
+
+def test_a_fault_later_than_the_end_of_the_run_is_told_before_it_begins(capsys):
+    early, late = (f"kind=frame_lost,message=LDS_Lane,at_s={at},times=1" for at in ("0.4", "0.8"))
+    _, out, err = vsensor(capsys, "run", "--fast", "--duration", 0.8, "--fault", early, "--fault", late)
+    said = "never happens: frame_lost LDS_Lane from 0.8 s 1 time, but the run ends after 0.8 s"
+    assert said in err
+    assert "from 0.4 s" not in err
+    assert "never happens" not in out
+
+
+def test_a_fault_later_than_the_end_of_the_road_is_told_at_the_end(capsys, tmp_path):
+    log, gateway = tmp_path / "drive.log", Gateway()
+    frames = [(k, gateway.motion(0, 20.0, 0.0)) for k in range(60)]
+    log.write_text(
+        "".join(f"({1000 + 0.02 * k:.6f}) can0 {f.arbitration_id:03X}#{f.data.hex()}\n" for k, f in frames)
+    )
+    words = ["run", log, "--fast", "--duration", 60, "--fault", "kind=reset,at_s=50"]
+    status, out, err = vsensor(capsys, *words)
+    assert status == 0
+    assert "the road or the recording ended" in out
+    assert "never happens: reset from 50 s, but the run ends after" in out
+    assert "never happens" not in err

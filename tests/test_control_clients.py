@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.control_clients import Client, close_all, loop, server
-from vsensor.control.server import LONGEST_LINE, MOST_CLIENTS, MOST_LINES
+from vsensor.control.server import LONGEST_LINE, MOST_CLIENTS, MOST_LINES, SKIPPED
 from vsensor.errors import ConfigError
 
 STATE = b'{"do": "state"}\n'
@@ -40,17 +40,35 @@ def test_several_clients_are_each_answered(opened, run):
     assert [client.answers()[0]["id"] for client in clients] == list(range(MOST_CLIENTS))
 
 
-def test_one_client_too_many_waits_until_another_has_gone(opened, run):
+def test_one_client_too_many_is_told_so_and_may_come_when_another_has_gone(opened, run):
     clients = [Client(opened, run) for _ in range(MOST_CLIENTS)]
     assert clients[0].ask(do="state")["ok"]
     late = Client(opened, run)
     late.send(STATE)
-    opened.poll(run)
-    late.socket.setblocking(False)
-    with pytest.raises(BlockingIOError):
-        late.socket.recv(1)
+    assert late.answers() == [{"ok": False, "error": "8 clients are connected, there is no room"}]
+    assert late.is_closed()
     clients[0].close()
-    assert late.answers()[0]["ok"]
+    assert Client(opened, run).ask(do="state")["ok"]
+
+
+def test_who_comes_as_another_goes_finds_its_room(opened, run):
+    clients = [Client(opened, run) for _ in range(MOST_CLIENTS)]
+    assert clients[-1].ask(do="state")["ok"]
+    clients[3].close()
+    assert Client(opened, run).ask(do="state")["ok"]
+    assert clients[-1].ask(do="state")["ok"]
+
+
+def test_busy_clients_leave_each_its_turn(opened, run):
+    """Eight that ask without end: each is answered, none more than a poll's share later than another."""
+    clients = [Client(opened, run) for _ in range(MOST_CLIENTS)]
+    for client in clients:
+        client.send(STATE * 40)
+    for _ in range(10):
+        opened.poll(run)
+    for client in clients:
+        client.socket.settimeout(5)
+        assert client.socket.recv(1 << 20).count(b"\n") >= 10
 
 
 def test_a_line_in_pieces_is_one_request(opened, run):
@@ -73,6 +91,26 @@ def test_a_line_that_never_ends_is_refused_once_and_the_next_one_counts(opened, 
     first, second = client.answers(2)
     assert first == {"ok": False, "error": f"a line longer than {LONGEST_LINE} bytes"}
     assert second["ok"]
+
+
+def test_a_line_of_ten_megabytes_is_over_in_a_second_of_cycles_and_holds_no_memory(opened, run):
+    client, other = Client(opened, run), Client(opened, run)
+    client.socket.setblocking(False)
+    rest = memoryview(b"x" * 10_000_000 + b"\n" + STATE)
+    for _ in range(200):
+        while rest:
+            try:
+                rest = rest[client.socket.send(rest) :]
+            except BlockingIOError:
+                break
+        opened.poll(run)
+        assert sum(len(one.incoming) for one in opened._clients) <= SKIPPED + LONGEST_LINE
+        if not rest:
+            break
+    assert not rest
+    first, second = client.answers(2)
+    assert (first["ok"], second["ok"]) == (False, True)
+    assert other.ask(do="state")["ok"]
 
 
 def test_a_line_of_the_greatest_length_is_still_read(opened, run):

@@ -12,7 +12,7 @@ from vsensor.bus import FrameBus, open_bus
 from vsensor.clock import Clock, MonotonicClock, SimulatedClock, epoch_offset_ns
 from vsensor.config import Scenario
 from vsensor.errors import BusError, ConfigError
-from vsensor.faults import parse_fault
+from vsensor.faults import Fault, parse_fault
 from vsensor.line import Line, build_line, tick_count
 from vsensor.realtime import calm_collector, real_time_priority
 from vsensor.runner import Control, Summary, run_loop
@@ -75,7 +75,8 @@ def run_scenario(
             say(f"sending on {bus.name} {_rhythm(line)}, profile {line.profile.name}")
             if bus.remark:
                 say(bus.remark)
-        for text in (*line.source.notes, *line.source.findings, *line.uneven(period_ns)):
+        too_late = [] if ticks is None else _never_happen(line.timeline, ticks * period_ns)
+        for text in (*line.source.notes, *line.source.findings, *line.uneven(period_ns), *too_late):
             say(text)
         advance = stack.enter_context(_progress(options, ticks, period_ns))
         if options.realtime:
@@ -103,6 +104,9 @@ def run_scenario(
         )
     if bus is not None:
         summary.notes += bus.report()
+    if summary.ended:
+        of_all = _never_happen(line.timeline, summary.ticks * period_ns)
+        summary.notes += of_all[: len(of_all) - len(too_late)]
     written = (
         *(options.log, options.trace, options.truth),
         *(options.picture, options.images, options.video),
@@ -130,6 +134,14 @@ def with_faults(line: Line, options: RunOptions) -> Line:
         return line
     more = tuple(parse_fault(text, line.profile) for text in options.faults)
     return replace(line, timeline=(*line.timeline, *more))
+
+
+def _never_happen(timeline: Sequence[Fault], end_ns: int) -> list[str]:
+    """Say which faults are planned for later than the run's end, the latest last."""
+    late = sorted(
+        (fault for fault in timeline if (fault.from_ns or 0) >= end_ns), key=lambda one: one.from_ns or 0
+    )
+    return [f"never happens: {fault.text()}, but the run ends after {end_ns / 1e9:g} s" for fault in late]
 
 
 def _control(options: RunOptions, stack: contextlib.ExitStack, say: Say) -> Control | None:

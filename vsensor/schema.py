@@ -92,6 +92,7 @@ def _require_finite(value: Any, where: str, path: str) -> None:
 def _explain(message: str, data: Mapping[str, Any], struct: type) -> str:
     """Turn msgspec's message into one that names the key and the nearest known one."""
     unknown = re.match(r"Object contains unknown field `([^`]*)`(?: - at `\$\.?([^`]*)`)?", message)
+    unknown = unknown or re.match(r"Invalid enum value '(.*)' - at `key` in `\$\.?([^`]*)`", message)
     if unknown is None:
         found = re.match(r"(.*?)(?: - at `(?:key in )?\$\.?([^`]*)`)?$", message)
         if found is None or not found[2]:
@@ -165,8 +166,15 @@ def _types_at(struct: Any, path: str) -> list[msgspec.inspect.Type]:
 
 
 def _known_keys(struct: Any, path: str) -> list[str]:
-    structs = (kind for kind in _types_at(struct, path) if isinstance(kind, msgspec.inspect.StructType))
-    return [field.encode_name for kind in structs for field in kind.fields]
+    known: list[str] = []
+    for kind in _types_at(struct, path):
+        if isinstance(kind, msgspec.inspect.StructType):
+            known += [field.encode_name for field in kind.fields]
+        elif isinstance(kind, msgspec.inspect.DictType) and isinstance(
+            kind.key_type, msgspec.inspect.LiteralType
+        ):
+            known += map(str, kind.key_type.values)
+    return known
 
 
 def _known_words(struct: Any, path: str) -> list[Any]:

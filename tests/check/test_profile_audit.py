@@ -62,6 +62,16 @@ def test_findings_are_those_of_the_profiles_messages_alone(capsys, tmp_path):
     assert "Other: signals A and B overlap" in out
 
 
+def test_another_message_of_the_database_with_the_id_of_one_that_is_sent_is_told(capsys, tmp_path):
+    twin = 'BO_ 700 Twin: 8 OTHER\n SG_ A : 0|8@1+ (1,0) [0|255] "" ECU\n'
+    status, out, _ = check(capsys, written(tmp_path, DBC + twin, HEAD))
+    assert status == 1
+    assert "finding: Line and Twin have the same id: a receiver cannot tell them apart" in out
+    apart = DBC + twin.replace("700", "702") + twin.replace("700", "702").replace("Twin", "Triplet")
+    status, out, _ = check(capsys, written(tmp_path, apart, HEAD))
+    assert status == 0  # two others: not this profile's
+
+
 def test_open_marks_are_findings_with_their_line(capsys, tmp_path):
     text = HEAD + "Empty = 'left.quality'  #? confidence by its name\n#? Wide = '...'\n"
     status, out, _ = check(capsys, written(tmp_path, DBC, text))

@@ -4,7 +4,15 @@ from collections.abc import Iterator
 
 from vsensor.check.busload import BusSpeed, frames_per_s, load
 from vsensor.check.marks import open_marks
-from vsensor.codec import SignalLayout, excess_range, is_placeholder, overlaps, wrong_raws
+from vsensor.codec import (
+    SignalLayout,
+    excess_range,
+    is_placeholder,
+    load_database,
+    overlaps,
+    shared_ids,
+    wrong_raws,
+)
 from vsensor.errors import VsensorError
 from vsensor.profile import LINES, QUANTITIES, Binding, MessagePlan, Profile, quantisation_error_m
 from vsensor.signals import VehicleConfig
@@ -34,6 +42,10 @@ def _database_findings(profile: Profile) -> Iterator[str]:
         yield from (f"{layout.name}: signals {a} and {b} overlap" for a, b in overlaps(layout))
         for signal in layout.signals.values():
             yield from (f"{layout.name}.{signal.name}: {text}" for text in wrong_raws(signal))
+    used = {plan.layout.name for plan in profile.messages}
+    for pair in shared_ids(load_database(profile.database).layouts.values()):
+        if not used.isdisjoint(pair):
+            yield f"{pair[0]} and {pair[1]} have the same id: a receiver cannot tell them apart"
 
 
 def _not_sendable(profile: Profile) -> list[str]:

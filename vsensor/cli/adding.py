@@ -29,6 +29,23 @@ def command(
     return added
 
 
+class Once(argparse.Action):
+    """An option that is given once: of two, the first would be lost without a word."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option: Any = None
+    ) -> None:
+        """Keep the value; a second one is an error of use."""
+        if getattr(namespace, self.dest) is not None:
+            parser.error(f"{option} {values}: there is one already, {getattr(namespace, self.dest)}")
+        setattr(namespace, self.dest, values)
+
+
+def dbc_option(added: argparse.ArgumentParser, text: str) -> None:
+    """Add the one database that a command takes."""
+    added.add_argument("--dbc", type=Path, action=Once, metavar="FILE", help=text)
+
+
 def note(text: str) -> None:
     """Say something beside the results."""
     print(f"vsensor: {text}", file=sys.stderr)

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from vsensor.cli.adding import Commands, command, note, shows_progress
+from vsensor.cli.adding import Commands, command, dbc_option, note, shows_progress
 from vsensor.cli.values import bitrate, hertz, positive
 from vsensor.errors import ConfigError
 from vsensor.stop import stop_signals
@@ -31,8 +31,10 @@ What OUT cannot hold is refused without --lossy. OUT appears when it is whole.
 """
 
 LOG_HELP = """\
-Say what is in a CAN log: channels and their load, and of every id cycle time, jitter, gaps, duplicates,
-counters (bits that count), and the checksum, found by trying all known ones with their data ids.
+Say what is in a CAN log: channels and their load, and what every id does.
+
+Of every id: cycle time, jitter, gaps, duplicates, counters (bits that count), and the checksum, found by
+trying all known ones with their data ids.
 
   vsensor log drive.blf
   vsensor log drive.mf4 --dbc car.dbc --bitrate 250k --json drive.json
@@ -148,9 +150,12 @@ def add_decode(commands: Commands) -> None:
     added = command(commands, "decode", decode, DECODE_HELP)
     added.add_argument("log", type=Path, help="CAN log: .log .asc .blf .mf4 .trc .csv, also gzipped")
     added.add_argument(
-        "--profile", action="append", metavar="NAME", help="shipped name or file; repeatable (native)"
+        "--profile",
+        action="append",
+        metavar="NAME",
+        help="shipped name or file, or NAME=DATABASE; repeatable (native)",
     )
-    added.add_argument("--dbc", type=Path, metavar="FILE", help="the database of the profile that names none")
+    dbc_option(added, "the database of the profile that names none")
     added.add_argument("--csv", action="store_true", help="comma-separated values instead of a table")
 
 
@@ -161,7 +166,7 @@ def add_convert(commands: Commands) -> None:
     added.add_argument("out", type=Path, help="the same formats, .gz behind those of text; or .parquet")
     added.add_argument("--lossy", action="store_true", help="leave out what OUT cannot hold, and list it")
     added.add_argument("--rate", type=hertz, metavar="HZ", help="frames per second, for text without times")
-    added.add_argument("--dbc", type=Path, metavar="FILE", help="decode into .parquet by this database")
+    dbc_option(added, "decode into .parquet by this database")
     added.add_argument(
         "--profile", action="append", metavar="NAME", help="decode into .parquet by this profile; repeatable"
     )
@@ -172,7 +177,7 @@ def add_log(commands: Commands) -> None:
     """Add `vsensor log`."""
     added = command(commands, "log", log, LOG_HELP)
     added.add_argument("log", type=Path, help="CAN log: .log .asc .blf .mf4 .trc .csv, also gzipped")
-    added.add_argument("--dbc", type=Path, metavar="FILE", help="names and data ids of the messages")
+    dbc_option(added, "names and data ids of the messages")
     added.add_argument("--json", type=Path, metavar="FILE", help="write it all as JSON too")
     added.add_argument("--rate", type=hertz, metavar="HZ", help="frames per second, for text without times")
     added.add_argument("--bitrate", type=bitrate, default="500k", metavar="RATE", help="of the bus (500k)")
@@ -191,9 +196,12 @@ def add_accept(commands: Commands) -> None:
     added.add_argument("--bus", metavar="INTERFACE:CHANNEL", help="python-can bus to listen to instead")
     added.add_argument("--duration", type=positive, metavar="S", help="listen for S seconds (until Ctrl-C)")
     added.add_argument(
-        "--profile", action="append", metavar="NAME", help="shipped name or file; repeatable (native)"
+        "--profile",
+        action="append",
+        metavar="NAME",
+        help="shipped name or file, or NAME=DATABASE; repeatable (native)",
     )
-    added.add_argument("--dbc", type=Path, metavar="FILE", help="the database of the profile that names none")
+    dbc_option(added, "the database of the profile that names none")
     added.add_argument(
         "--limits", type=Path, metavar="FILE", help="limits that differ from the defaults: .toml"
     )

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from vsensor.cli.adding import Commands, command, note, shows_progress
+from vsensor.cli.adding import Commands, command, dbc_option, note, shows_progress
 from vsensor.cli.values import count, ranges
 from vsensor.errors import ConfigError
 
@@ -106,9 +106,9 @@ def add_scan(commands: Commands) -> None:
         "--profile",
         action="append",
         metavar="NAME",
-        help="shipped name or file; repeatable (native, vehicle)",
+        help="shipped name or file, or NAME=DATABASE; repeatable (native, vehicle)",
     )
-    option("--dbc", type=Path, metavar="FILE", help="the database of the profile that names none")
+    dbc_option(added, "the database of the profile that names none")
     option(
         "--reference",
         nargs="+",

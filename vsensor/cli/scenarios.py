@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from vsensor.cli.adding import Commands, command, note, shows_progress
+from vsensor.cli.adding import Commands, command, dbc_option, note, shows_progress
 from vsensor.cli.values import bitrate, count, positive, seed, ticks
 from vsensor.stop import stop_signals
 
@@ -163,7 +163,7 @@ def add_run(commands: Commands) -> None:
     )
     added.add_argument("--seed", type=seed, metavar="N", help="seed of all random draws (the scenario's)")
     added.add_argument("--profile", metavar="NAME", help="bus profile, shipped name or file")
-    added.add_argument("--dbc", type=Path, metavar="FILE", help="the database that the profile maps")
+    dbc_option(added, "the database that the profile maps")
     added.add_argument(
         "--fault",
         action="append",
@@ -182,7 +182,7 @@ def add_check(commands: Commands) -> None:
     added = command(commands, "check", check, CHECK_HELP)
     added.add_argument("file", help="scenario, profile, map, DBC or log; or a shipped name")
     added.add_argument("--profile", metavar="NAME", help="check with this profile instead of the scenario's")
-    added.add_argument("--dbc", type=Path, metavar="FILE", help="the database that the profile maps")
+    dbc_option(added, "the database that the profile maps")
     added.add_argument(
         "--bitrate",
         type=bitrate,

@@ -5,7 +5,7 @@ import os
 import re
 import socket
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from vsensor.control.address import LOOPBACK, Address
@@ -17,6 +17,7 @@ MOST_CLIENTS = 8
 MOST_LINES = 8  # answered in one cycle, of all clients together: about a millisecond
 LONGEST_LINE = 8192
 RECEIVED = 4096  # read of one client in one cycle
+SKIPPED = 1 << 18  # likewise, of a line that is too long: it costs no more than the reading
 LONGEST_BACKLOG = 1 << 16  # answers that a client has not read; until it does, it gets no more
 
 _WEB = re.compile(rb"[A-Z]+ \S+ HTTP/")  # a page in a browser may reach this port, too
@@ -34,7 +35,7 @@ class _Client:
     def receive(self) -> None:
         """Take in what is there, a bounded part of it; waits for nothing."""
         try:
-            data = self.connection.recv(RECEIVED)
+            data = self.connection.recv(SKIPPED if self.is_skipping else RECEIVED)
         except (BlockingIOError, InterruptedError):
             return
         except OSError:
@@ -54,6 +55,10 @@ class _Client:
                 return bytes(line[: LONGEST_LINE + 1])
             if not found:
                 return None
+
+    def say(self, said: Mapping[str, object]) -> None:
+        """Let an answer wait to be sent."""
+        self.outgoing += json.dumps(said, allow_nan=False).encode() + b"\n"
 
     def send(self) -> None:
         """Let answers go as far as the client takes them now."""
@@ -106,6 +111,7 @@ class ControlServer:
         for client in [client for client in self._clients if _is_over(client)]:
             client.connection.close()
             self._clients.remove(client)
+        self._refuse()
 
     def close(self) -> None:
         """Close all; a Unix socket's file goes. Closing twice does no harm."""
@@ -120,11 +126,27 @@ class ControlServer:
     def _accept(self) -> None:
         """Take the clients that wait, as far as there is room for them."""
         while len(self._clients) < MOST_CLIENTS:
-            try:
-                connection, _ = self._socket.accept()
-            except OSError:  # nobody (the socket does not block), or gone again
+            client = self._next_client()
+            if client is None:
                 return
-            self._clients.append(_Client(connection))
+            self._clients.append(client)
+
+    def _refuse(self) -> None:
+        """Tell those who still wait that there is no room, and hang up: they would wait without a word."""
+        while len(self._clients) >= MOST_CLIENTS:
+            client = self._next_client()
+            if client is None:
+                return
+            client.receive()  # a connection closed with something unread loses what was said
+            client.say({"ok": False, "error": f"{MOST_CLIENTS} clients are connected, there is no room"})
+            client.send()
+            client.connection.close()
+
+    def _next_client(self) -> _Client | None:
+        try:
+            return _Client(self._socket.accept()[0])
+        except OSError:  # nobody (the socket does not block), or gone again
+            return None
 
     def _answer_one(self, client: _Client, loop: Loop) -> bool:
         line = None if len(client.outgoing) > LONGEST_BACKLOG else client.next_line()
@@ -139,7 +161,7 @@ class ControlServer:
             return True
         else:
             said = answer(line, loop)
-        client.outgoing += json.dumps(said, allow_nan=False).encode() + b"\n"
+        client.say(said)
         return True
 
 

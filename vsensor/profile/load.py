@@ -35,10 +35,13 @@ def load_profile(name: str | Path, dbc: Path | None = None) -> Profile:
 
 
 def load_profiles(names: Sequence[str | Path], dbc: Path | None = None) -> list[Profile]:
-    """Load several profiles; of several, `dbc` goes to those that name no database of their own."""
-    if len(names) == 1:
+    """Load several profiles, each a name, a file or "NAME=DATABASE".
+
+    Of several, `dbc` goes to those that name no database of their own; of one, it replaces that.
+    """
+    if len(names) == 1 and dbc is not None:
         return [load_profile(names[0], dbc)]
-    return [load_profile(name, None if "database" in read_toml(_find(name)) else dbc) for name in names]
+    return [load_worded(str(name), dbc) for name in names]
 
 
 def load_worded(text: str, spare: Path | None = None) -> Profile:
