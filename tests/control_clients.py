@@ -4,14 +4,12 @@ import contextlib
 import json
 import socket
 
-from tests.faults.runs import PERIOD_NS
+from tests.faults.runs import PERIOD_NS, QUICK
 from vsensor.clock import SimulatedClock
 from vsensor.config import load_scenario
 from vsensor.control import ControlServer, parse_address
 from vsensor.line import build_line
 from vsensor.runner import Loop
-
-QUICK = {"state": {"init_s": 0.0}, "camera": {"model": "none", "occlusion": "none"}, "traffic": []}
 
 
 def loop():

@@ -15,7 +15,8 @@ from vsensor.world.truth import line_truths
 RANGES_M = (10.0, 20.0, 50.0, 80.0, 100.0)
 MAPS = sorted(path.name for path in (SHARED_DATA / "xodr").glob("*.xodr")) or ["absent"]
 PERIOD_NS = 40_000_000
-MOST_TICKS = 2500
+MOST_TICKS = 834
+"""2 km at the speed of the scenario: an image every 2.4 m."""
 EXACT = {
     "camera": {"pixel_grid": False},
     "error_model": {"mode": "none"},
@@ -23,7 +24,7 @@ EXACT = {
     "scene": {"range_m": 120.0},
     "state": {"init_s": 0.0},
     "tracker": {"confirm_images": 1},
-    "ego": {"speed_kmh": 72},
+    "ego": {"speed_kmh": 216},
 }
 
 

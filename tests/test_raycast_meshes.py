@@ -105,7 +105,7 @@ def test_rays_in_the_plane_of_a_triangle_are_hidden_by_nothing_beside_it(off_m, 
     one = wearing(ball, *(frame.rotation @ [30.0, 1.0, 1.0] + frame.translation), is_moving=is_moving)
     triangles = (world_triangles(one) - frame.translation) @ frame.rotation
     beside = 0
-    for a, b, c in triangles[::4]:
+    for a, b, c in triangles[::12]:
         normal = np.cross(b - a, c - a)
         normal /= np.linalg.norm(normal)
         eye = EYE - normal * ((EYE - a) @ normal)
@@ -117,7 +117,7 @@ def test_rays_in_the_plane_of_a_triangle_are_hidden_by_nothing_beside_it(off_m, 
         assert not (found & ~sure & ~near).any()
         assert not (sure & ~found & ~unsure).any()
         beside += (~sure & ~near).sum()
-    assert beside > 1000
+    assert beside > 300
 
 
 @moving_and_standing

@@ -1,5 +1,7 @@
 """README is true: its commands run, its scenarios load, its tables name what there is."""
 
+import contextlib
+import io
 import os
 import re
 import shlex
@@ -116,25 +118,27 @@ def shortened(words):
 @pytest.fixture(scope="module")
 def results(folder):
     """Every vsensor command of README, run in order in one folder: {command: (status, stdout)}."""
-    environment = dict(os.environ, PATH=f"{Path(sys.executable).parent}:{os.environ['PATH']}")
     found = {}
-    for command in commands():
-        if not command.startswith("vsensor "):
-            continue
-        words, _, target = command.partition(" > ")
-        done = subprocess.run(
-            [sys.executable, "-m", "vsensor.cli", *shortened(shlex.split(words))[1:]],
-            cwd=folder,
-            env=environment,
-            capture_output=True,
-            text=True,
-            timeout=200,
-            check=False,
-        )
-        if target:
-            (folder / target).write_text(done.stdout)
-        found[command] = (done.returncode, done.stdout, done.stderr)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for command in commands():
+            if command.startswith("vsensor "):
+                words, _, target = command.partition(" > ")
+                found[command] = ran(shortened(shlex.split(words))[1:])
+                if target:
+                    (folder / target).write_text(found[command][1])
     return found
+
+
+def ran(words):
+    """Return status, output and errors of a command, run in this process: nothing is imported twice."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            status = main(words)
+        except SystemExit as exit_:
+            status = exit_.code
+    return status, out.getvalue(), err.getvalue()
 
 
 OFFERED = (

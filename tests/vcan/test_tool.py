@@ -1,10 +1,12 @@
 """tools/vcan itself, run as a user would; inside a vcan (see the last tests) it just runs the command."""
 
+import json
 import os
 import signal
 import subprocess
 import sys
 import threading
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -32,22 +34,45 @@ def _tool_works():
 pytestmark = pytest.mark.usefixtures("_tool_works")
 
 
-def test_both_interfaces_are_up_and_output_and_error_stay_apart():
-    done = vcan("sh", "-c", "cat /sys/class/net/vcan0/flags /sys/class/net/vcan1/flags; echo problem >&2")
-    assert [int(flags, 16) & 1 for flags in done.stdout.split()] == [1, 1]
+WORDS = ["two words", "it's", '"quoted"', "$HOME", "", "new\nline", "ü"]
+LOOK = """
+import json, os, sys
+from pathlib import Path
+flags = [Path("/sys/class/net", name, "flags").read_text() for name in ("vcan0", "vcan1")]
+Path("file").write_text("written")
+print("problem", file=sys.stderr)
+print(json.dumps([flags, sys.argv[1:], os.getcwd(), os.environ["VCAN_TEST"], sys.stdin.read()]))
+"""
+
+
+@pytest.fixture(scope="module")
+def look(tmp_path_factory):
+    """What a command inside sees, said by itself, and its folder: a kernel is started once for all of it."""
+    folder = tmp_path_factory.mktemp("inside") / "a folder's name"
+    folder.mkdir()
+    environment = {**os.environ, "VCAN_TEST": "x\ny"}
+    done = vcan(sys.executable, "-c", LOOK, *WORDS, cwd=folder, env=environment, input="not passed on")
+    return done, folder
+
+
+def test_both_interfaces_are_up_and_output_and_error_stay_apart(look):
+    done, _ = look
+    assert [int(flags, 16) & 1 for flags in json.loads(done.stdout)[0]] == [1, 1]
     assert done.stderr == "problem\n"
     assert done.returncode == 0
 
 
-def test_arguments_folder_and_environment_arrive_unchanged(tmp_path):
-    folder = tmp_path / "a folder's name"
-    folder.mkdir()
-    words = ["two words", "it's", '"quoted"', "$HOME", "", "new\nline", "ü"]
-    script = "import os, sys, json; print(json.dumps([sys.argv[1:], os.getcwd(), os.environ['VCAN_TEST']]))"
-    done = vcan(sys.executable, "-c", script, *words, cwd=folder, env={**os.environ, "VCAN_TEST": "x\ny"})
-    import json
+def test_arguments_folder_and_environment_arrive_unchanged(look):
+    done, folder = look
+    assert json.loads(done.stdout)[1:4] == [WORDS, str(folder), "x\ny"]
 
-    assert json.loads(done.stdout) == [words, str(folder), "x\ny"]
+
+def test_standard_input_is_empty(look):
+    assert json.loads(look[0].stdout)[4] == ""
+
+
+def test_files_written_are_on_the_host_at_once(look):
+    assert (look[1] / "file").read_text() == "written"
 
 
 @pytest.mark.parametrize(
@@ -68,15 +93,6 @@ def test_a_million_bytes_of_any_value_arrive_in_order():
     script = "import sys; sys.stdout.buffer.write(bytes(range(256)) * 4096)"
     done = subprocess.run([TOOL, sys.executable, "-c", script], capture_output=True, check=False, timeout=120)
     assert done.stdout == bytes(range(256)) * 4096
-
-
-def test_standard_input_is_empty():
-    assert vcan("cat", input="not passed on").stdout == ""
-
-
-def test_files_written_are_on_the_host_at_once(tmp_path):
-    vcan("sh", "-c", "echo written > file", cwd=tmp_path)
-    assert (tmp_path / "file").read_text() == "written\n"
 
 
 @pytest.mark.parametrize(
@@ -117,6 +133,7 @@ def test_third_signal_ends_a_command_that_ignores_it():
         assert process.returncode == 128 + signal.SIGINT
 
 
+@cache
 def is_native():
     return vcan("cat", "/proc/version").stdout == Path("/proc/version").read_text()
 
