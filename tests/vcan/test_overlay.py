@@ -71,9 +71,8 @@ def test_an_ecu_accepts_a_drive_that_had_no_camera_over_a_seam_and_seeks(tmp_pat
     assert judged["frames"] > 13 * 30
     assert judged["frames_of_others"] > 1000
     assert judged["images_steered_by"] >= judged["frames"] // 13 - 8
-    print(f"silence {report.silence_ns / 1e6:.1f} ms, machine stood still for {stalls[0] / 1e6:.0f} ms")
     assert report.seeks == len(PRESSED_S)
-    assert report.silence_ns < 60_000_000 + stalls[0]
+    assert report.silence_ns < 100_000_000 + stalls[0], stalls
     assert no_errors(judged, stalls), judged["log"]
 
 
