@@ -28,7 +28,7 @@ def bump_swell(at_m: float, length_m: float, height_m: float) -> Swell:
 
 def swell_height_m(swell: Swell, s_m: float) -> float:
     """Return the height of the road at a place."""
-    if not swell.from_m < s_m < swell.to_m:
+    if not swell.from_m <= s_m < swell.to_m:
         return 0.0
     return float((swell.amplitude_m * np.exp(1j * swell.wave_radpm * (s_m - swell.from_m))).sum().real)
 

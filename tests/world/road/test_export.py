@@ -196,3 +196,11 @@ def test_documents_of_both_kinds_share_one_reader(tmp_path):
     path = tmp_path / "map.xodr"
     path.write_text(document(road()))
     assert load_map(path).roads["1"].length_m == 100.0
+
+
+def test_the_type_of_a_double_line_names_its_stripes_from_the_middle_outwards(tmp_path):
+    paint = '[{ paint = { kind = "solid_dashed" } }]\n'
+    text = opendrive_of(written(tmp_path, STRAIGHT + f"left = {paint}right = {paint}"))
+    lanes = {one.get("id"): one for one in etree.fromstring(text).iter("lane")}
+    assert lanes["-1"].find("roadMark").get("type") == "solid broken"
+    assert lanes["1"].find("roadMark").get("type") == "broken solid"  # its left stripe is the outer one

@@ -71,9 +71,11 @@ def test_p3s_gaps_are_as_long_as_they_say(tmp_path, length):
     np.testing.assert_allclose(edges(line.painted), [100.0, 100.0 + length], atol=SPACING_M)
 
 
-def test_dashes_keep_step_over_a_gap_that_cuts_two_of_them(tmp_path):
-    (line,) = right_line(tmp_path, DASHED + "gap = [{ borders = [-1], at_m = 98, length_m = 23 }]\n")
-    (whole,) = right_line(tmp_path, DASHED)
+@pytest.mark.parametrize("phase", [0, 5, -7.5])
+def test_dashes_keep_step_over_a_gap_that_cuts_two_of_them(tmp_path, phase):
+    dashed = DASHED.replace("gap_m = 8", f"gap_m = 8, phase_m = {phase}")
+    (line,) = right_line(tmp_path, dashed + "gap = [{ borders = [-1], at_m = 98, length_m = 23 }]\n")
+    (whole,) = right_line(tmp_path, dashed)
     s = line.points_world_m[:, 0]
     inside = (s >= 98.0 + 1e-6) & (s < 121.0 - 1e-6)
     assert not line.painted[inside].any()

@@ -99,6 +99,19 @@ def test_a_bump_lies_where_an_oncoming_drive_meets_it(tmp_path):
     assert swell_height_m(swell, 269.7) == pytest.approx(0.05, abs=1e-12)
 
 
+def test_an_oncoming_drive_meets_the_same_heights_in_the_other_order(tmp_path):
+    more = "left = [{}]\nrough = [{ from_m = 20, to_m = 280, grade = 'C' }]\n"
+    road_map = built(tmp_path, STRAIGHT + more)
+    there, back = (Corridor(road_map, CorridorConfig(road="1", lane=lane)) for lane in (-1, 1))
+    for s in (21.0, 50.3, 150.0, 279.0):
+        heights = [
+            sum(swell_height_m(one, at) for one in drive.uneven(at).swells)
+            for drive, at in ((there, s), (back, 300.0 - s))
+        ]
+        assert heights[0] == pytest.approx(heights[1], abs=1e-9)
+        assert heights[0] != 0.0
+
+
 def test_heights_have_no_step_where_a_rough_stretch_is_cut_into_blocks(tmp_path):
     more = "rough = [{ from_m = 20, to_m = 280, grade = 'C' }]\n"
     drive = Corridor(built(tmp_path, STRAIGHT + more), CorridorConfig(road="1", lane=-1))
