@@ -12,6 +12,7 @@ command goes on with what is missing. From Python, without processes: `made(cell
 import argparse
 import os
 from collections.abc import Iterator, Mapping
+from copy import deepcopy
 from math import radians
 from pathlib import Path
 from typing import Any
@@ -134,10 +135,12 @@ def dashed_map(path: Path) -> bytes:
     late: for a second or two each lap, fits err by up to 0.3 m, which is in no law.
     """
     tree = etree.parse(path)
-    for lane in tree.iter("lane"):
-        if lane.get("id") in OWN_BORDERS:
-            for mark in lane.findall("roadMark")[1:]:
-                lane.remove(mark)
+    borders = [lane for lane in tree.iter("lane") if lane.get("id") in OWN_BORDERS]
+    dashes = borders[0].find("roadMark")
+    for lane in borders:
+        for mark in lane.findall("roadMark"):
+            lane.remove(mark)
+        lane.append(deepcopy(dashes))
     return etree.tostring(tree, xml_declaration=True, encoding="UTF-8")
 
 

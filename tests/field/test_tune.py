@@ -223,6 +223,13 @@ def test_what_cannot_be_tuned_is_refused_in_one_line(folder, changes, expected):
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.parametrize(("text", "expected"), [("6", "paint and gap such as 6,12"), ("0,12", "some paint")])
+def test_dashes_that_are_none_are_refused(text, expected, tmp_path, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        main(["tune", str(tmp_path), "--out", str(tmp_path / "m.npz"), "--dashes", text])
+    assert expected in capsys.readouterr().err
+
+
 def test_a_table_without_a_usable_row_is_refused(tmp_path):
     columns = columns_of(np.random.default_rng(1), LAW, 5.0)
     columns["masked"] = np.full(len(columns["masked"]), 4, np.uint8)

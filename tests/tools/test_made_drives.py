@@ -2,6 +2,7 @@
 
 from math import radians
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from tools.made_drives import (
     MOTION_NS,
     YAW_NOISE_DEGPS,
     YAW_OFFSET_DEGPS,
+    dashed_map,
     drive_cells,
     drive_frames,
     drive_speeds,
@@ -19,7 +21,7 @@ from tools.made_drives import (
     scenario_of,
 )
 from tools.made_law import LEVELS, quantiles_m, reported_errors_m, student_library, student_model
-from vsensor.config import load_scenario
+from vsensor.config import SHIPPED, load_scenario
 from vsensor.draws import Draws
 from vsensor.error_model import (
     ErrorModelConfig,
@@ -96,6 +98,15 @@ def test_speeds_are_mixed_between_slow_and_fast():
     assert points[:, 1].min() < 30.0
     assert points[:, 1].max() > 125.0
     assert np.std(points[:, 1]) == pytest.approx(105.0 / np.sqrt(12.0), rel=0.1)
+
+
+def test_both_lines_of_the_driven_lane_are_dashed_all_the_way(tmp_path):
+    (tmp_path / "map.xodr").write_bytes(dashed_map(SHIPPED / "highway.xodr"))
+    for lane in ElementTree.parse(tmp_path / "map.xodr").iter("lane"):
+        if lane.get("id") in ("-2", "-3"):
+            assert [mark.get("type") for mark in lane.findall("roadMark")] == ["broken"]
+            line = lane.find("roadMark/type/line").attrib
+            assert (line["length"], line["space"]) == ("6.0", "12.0")
 
 
 def test_drives_at_night_are_told_by_the_lamps_and_have_their_own_law(tmp_path):
