@@ -2,10 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import inf, pi, remainder
+from math import inf
 
-from vsensor.errors import StoryError, VsensorError
-from vsensor.world.openscenario.bodies import Body, Follow, way_on
+from vsensor.errors import StoryError
+from vsensor.world.openscenario.bodies import Body, Follow
+from vsensor.world.openscenario.following import gap_reached
 from vsensor.world.openscenario.model import (
     Action,
     GapAction,
@@ -19,20 +20,14 @@ from vsensor.world.openscenario.model import (
     Teleport,
     Trajectory,
 )
-from vsensor.world.openscenario.paths import PathRun
-from vsensor.world.openscenario.places import point_for, route_for, spot_for
+from vsensor.world.openscenario.places import route_for, spot_for
 from vsensor.world.openscenario.shapes import Lateral, Speed, seconds_for, seconds_within
-from vsensor.world.openscenario.state import STEP_NS, Running
+from vsensor.world.openscenario.spots import Spot
+from vsensor.world.openscenario.state import Running
 from vsensor.world.openscenario.towing import hang
-from vsensor.world.openscenario.tracks import Spot
+from vsensor.world.openscenario.trajectories import begin_trajectory, leave_path
 from vsensor.world.openscenario.work import Work
 
-GAP_PULL_PER_S2 = 1.0
-GAP_DAMPING_PER_S = 2.0
-"""A gap is closed as by a critically damped spring of 1 rad/s, within the action's limits."""
-
-GAP_REACHED_M = 0.1
-GAP_SPEED_MPS = 0.1
 DEFAULT_LANE_OFFSET_S = 3.0
 """A lane offset without a limit of its acceleration takes so long."""
 
@@ -206,43 +201,13 @@ def _route(work: Work, action: RouteAction, actor: int, body: Body, number: int)
     return False
 
 
-def _trajectory(work: Work, action: Trajectory, actor: int, body: Body, number: int) -> bool:
-    """Begin a trajectory: its points in the world are those of now."""
-    times: tuple[float, ...] | None = None
-    clothoid: tuple[float, float, float, float] | None
-    if action.start is not None:
-        spot = spot_for(work, action.start)
-        point, heading = work.tracks.pose(spot)
-        numbers = (heading, action.curvature_per_m, action.curvature_rate_per_m2, action.length_m)
-        points, clothoid = [point], numbers
-    else:
-        found = [point_for(work, vertex.position) for vertex in action.vertices]
-        points, clothoid = [point for point in found if point is not None], None
-    from_ns = work.t_ns
-    if action.timed:
-        times = tuple(
-            action.time_scale * (vertex.time_s or 0.0) + action.time_offset_s for vertex in action.vertices
-        )
-        from_ns = 0 if action.absolute else work.t_ns
-    corners = tuple((float(x), float(y), float(z)) for x, y, z in points)
-    run = PathRun(corners, times, clothoid, from_ns, 0.0)
-    try:
-        work.tracks.path(run)
-    except ValueError as error:
-        raise StoryError(f"{work.story.path}: trajectory {action.name}: {error}") from None
-    now = _speed_now(work, actor)
-    speed = body.speed if not action.timed else Speed(now, now, "step", work.t_ns / 1e9, 0.0)
-    work.put(actor, replace(body, path=run, speed=speed, lat_by=number))
-    return True
-
-
 _BEGINNERS: dict[type, Callable[..., bool]] = {
     SpeedAction: _speed,
     GapAction: _gap,
     LaneChange: _lane_change,
     LaneOffset: _lane_offset,
     RouteAction: _route,
-    Trajectory: _trajectory,
+    Trajectory: begin_trajectory,
 }
 
 LONGITUDINAL = (SpeedAction, GapAction)
@@ -258,7 +223,7 @@ def is_done(work: Work, one: Running, action: Action) -> bool:
         if body.long_by != one.number:
             return True
         if isinstance(action, GapAction):
-            return not action.continuous and _gap_reached(work, one.actor, action)
+            return not action.continuous and gap_reached(work, one.actor, action)
         return body.follow is None and t_s >= body.speed.until_s - 1e-9
     if body.lat_by != one.number:
         return True
@@ -282,108 +247,3 @@ def stop(work: Work, one: Running, action: Action) -> None:
     elif body.lat_by == one.number:
         lateral = Lateral(motion.offset_m, motion.offset_m)
         work.put(one.actor, replace(body, lateral=lateral, lat_by=-1))
-
-
-def finish_paths(work: Work) -> None:
-    """Put those back on their lanes who have come to the end of a trajectory."""
-    for entity, body in enumerate(work.bodies):
-        if body is None or body.path is None:
-            continue
-        path = work.tracks.path(body.path)
-        if path.times_s is not None:
-            is_over = (work.t_ns - body.path.from_ns) / 1e9 >= float(path.times_s[0][-1])
-        else:
-            is_over = way_on(path, body.path, body, work.t_ns)[0] >= path.length_m
-        if is_over:
-            leave_path(work, entity)
-
-
-def leave_path(work: Work, entity: int) -> None:
-    """Let an entity follow the lane that it is on now, as far beside its middle as it is."""
-    body, motion = work.anchored(entity), work.motion(entity)
-    pose = work.pose(entity)
-    assert body is not None
-    assert body.path is not None
-    assert motion is not None
-    assert pose is not None
-    path = work.tracks.path(body.path)
-    speed = motion.speed_mps
-    if path.times_s is not None:  # as fast as it came
-        speed = path.way_at((work.t_ns - STEP_NS - body.path.from_ns) / 1e9)[1]
-    try:
-        x, y, z = pose[0].tolist()
-        spot = work.tracks.world_spot(x, y, z, pose[1], "")
-        spot = work.tracks.owned(spot) if entity == work.ego else spot
-    except VsensorError:
-        spot = Spot(body.track, motion.s_m, motion.offset_m)
-    kept = Speed(speed, speed, "step", work.t_ns / 1e9, 0.0) if path.times_s is not None else body.speed
-    lateral = Lateral(spot.offset_m, spot.offset_m)
-    turn = remainder(spot.turn_rad, 2 * pi)
-    body = replace(
-        body, track=spot.track, s_m=spot.s_m, lateral=lateral, speed=kept, path=None, turn_rad=turn
-    )
-    work.put(entity, replace(body, t_ns=work.t_ns, changes=body.changes + 1))
-
-
-def keep_in_step(work: Work) -> None:
-    """Let those who follow another's speed or keep a gap go on for one step."""
-    for entity, body in enumerate(work.bodies):
-        if body is None or body.follow is None or body.is_ended:
-            continue
-        t_s, after_s = work.t_ns / 1e9, (work.t_ns + STEP_NS) / 1e9
-        if (
-            t_s < body.speed.until_s - 1e-9
-            and body.follow.gap is None
-            and body.speed.seconds > STEP_NS / 1e9 * 1.5
-        ):
-            continue  # still on its way to the other's speed
-        now = body.speed.value(t_s)
-        if body.follow.gap is not None:
-            wanted = _gap_speed(work, entity, body.follow.gap, now)
-        else:
-            other = work.bodies[body.follow.ref]
-            theirs = 0.0 if other is None or other.is_ended else other.speed.value(after_s)
-            wanted = max(body.follow.factor * theirs + body.follow.value_mps, 0.0)
-        if wanted == now and body.speed.until_s <= t_s:
-            continue
-        moved = work.anchored(entity)
-        assert moved is not None
-        work.put(entity, replace(moved, speed=Speed(now, wanted, "linear", t_s, after_s - t_s)))
-
-
-def _gap_error(work: Work, entity: int, action: GapAction) -> tuple[float, float] | None:
-    """Return how far the gap is too wide, and how fast it grows; None if the other is not on the way."""
-    mine, place = work.motion(entity), work.place(action.ref)
-    other, spot = work.motion(action.ref), work.spot(action.ref)
-    ahead = work.ahead_m(entity, place, spot)
-    if mine is None or other is None or ahead is None:
-        return None
-    sign = 1.0 if action.trails else -1.0
-    gap = sign * ahead
-    if action.freespace:
-        heading = work.pose(entity)
-        axis = 0.0 if heading is None else heading[1]
-        (low, high), (other_low, other_high) = work.extent(entity, axis), work.extent(action.ref, axis)
-        gap += other_low - high if action.trails else low - other_high
-    wanted = action.metres if action.metres is not None else (action.seconds or 0.0) * mine.speed_mps
-    return sign * (gap - wanted), other.speed_mps - mine.speed_mps
-
-
-def _gap_reached(work: Work, entity: int, action: GapAction) -> bool:
-    found = _gap_error(work, entity, action)
-    return found is None or (abs(found[0]) < GAP_REACHED_M and abs(found[1]) < GAP_SPEED_MPS)
-
-
-def _gap_speed(work: Work, entity: int, action: GapAction, now: float) -> float:
-    found = _gap_error(work, entity, action)
-    if found is None:
-        return now
-    own = work.story.entities[entity]
-    most = own.max_acceleration_mps2 if action.max_acceleration_mps2 is None else action.max_acceleration_mps2
-    least = (
-        own.max_deceleration_mps2 if action.max_deceleration_mps2 is None else action.max_deceleration_mps2
-    )
-    top = own.max_speed_mps if action.max_speed_mps is None else action.max_speed_mps
-    rate = GAP_PULL_PER_S2 * found[0] + GAP_DAMPING_PER_S * found[1]
-    after = now + min(max(rate, -least), most) * STEP_NS / 1e9
-    return min(max(after, 0.0), max(top, min(now, after)) if now > top else top)

@@ -15,7 +15,8 @@ from vsensor.world.openscenario.model import GapAction
 from vsensor.world.openscenario.paths import Path, PathRun
 from vsensor.world.openscenario.rods import Rod
 from vsensor.world.openscenario.shapes import Lateral, Speed
-from vsensor.world.openscenario.tracks import Spot, Track, Tracks
+from vsensor.world.openscenario.spots import Spot, Track
+from vsensor.world.openscenario.tracks import Tracks
 
 STANDING = Speed()
 ON_MIDDLE = Lateral()
@@ -115,14 +116,13 @@ def motion_of(tracks: Tracks, body: Body, t_ns: int) -> Motion:
         return Motion(s_m, offset, speed, 0.0, 0.0, speed, speed, rate, body.driven_m + way)
     half_s = (before_s + t_s) / 2.0
     middle_m = body.s_m + way / 2.0
-    share = _foot_share(tracks, body, half_s, middle_m, body.speed.value(half_s))
-    s_m = body.s_m + way * share
+    curvature = curvature_at(tracks, body.track, middle_m)
+    s_m = body.s_m + way * _foot_share(lateral, curvature, half_s, middle_m, body.speed.value(half_s))
     offset, across, across_rate = _lateral_at(lateral, t_s, s_m)
-    share = _foot_share(tracks, body, t_s, s_m, speed)
+    share = _foot_share(lateral, curvature, t_s, s_m, speed)
     foot = speed * share
     if lateral.by_distance:
-        bend = curvature_at(tracks, body.track, s_m)
-        turning = across * (across_rate - bend * (1.0 - bend * offset))  # of 1 / share^2, half, per metre
+        turning = across * (across_rate - curvature * (1.0 - curvature * offset))  # half of d(1 / share^2)/ds
         foot_rate = rate * share - speed * turning * foot * share**3
         across, across_rate = across * foot, across_rate * foot * foot + across * foot_rate
     along = sqrt(max(speed * speed - across * across, 0.0))
@@ -160,11 +160,11 @@ def _lateral_at(lateral: Lateral, t_s: float, s_m: float) -> tuple[float, float,
     return lateral.at(s_m if lateral.by_distance else t_s)
 
 
-def _foot_share(tracks: Tracks, body: Body, t_s: float, s_m: float, speed_mps: float) -> float:
+def _foot_share(lateral: Lateral, curvature: float, t_s: float, s_m: float, speed_mps: float) -> float:
     """Return the speed of the foot on the lane's middle per speed of the vehicle."""
-    offset, slope, _ = _lateral_at(body.lateral, t_s, s_m)
-    bend = max(1.0 - curvature_at(tracks, body.track, s_m) * offset, NARROWEST)
-    if body.lateral.by_distance:
+    offset, slope, _ = _lateral_at(lateral, t_s, s_m)
+    bend = max(1.0 - curvature * offset, NARROWEST)
+    if lateral.by_distance:
         return 1.0 / hypot(bend, slope)
     if slope == 0.0:
         return 1.0 / bend

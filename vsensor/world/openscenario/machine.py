@@ -10,12 +10,14 @@ from dataclasses import replace
 from math import isfinite
 
 from vsensor.errors import StoryError
-from vsensor.world.openscenario.acting import begin, finish_paths, is_done, keep_in_step, stop
+from vsensor.world.openscenario.acting import begin, is_done, stop
 from vsensor.world.openscenario.bodies import Body, moved
+from vsensor.world.openscenario.following import keep_in_step
 from vsensor.world.openscenario.model import Action, Level, NoAction, Node, ParameterAction, Story, Teleport
 from vsensor.world.openscenario.state import STEP_NS, Memory, Phase, Running, StoryState
 from vsensor.world.openscenario.towing import tow
 from vsensor.world.openscenario.tracks import Tracks
+from vsensor.world.openscenario.trajectories import finish_paths
 from vsensor.world.openscenario.triggers import trigger_value
 from vsensor.world.openscenario.work import Work
 

@@ -6,7 +6,7 @@ changes lanes, so that a line on the bus stays the same line.
 """
 
 from collections import OrderedDict
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import atan2, pi, remainder
 
 import numpy as np
@@ -20,6 +20,7 @@ from vsensor.world.opendrive.road import RoadMap
 from vsensor.world.openscenario.locate import Locator
 from vsensor.world.openscenario.model import Position
 from vsensor.world.openscenario.paths import Path, PathRun, made_path
+from vsensor.world.openscenario.spots import OwnFrom, RoadSpot, Spot, Track, lane_at, section_number
 from vsensor.world.route import DRIVABLE, CorridorConfig
 
 BEHIND_M = 20.0
@@ -34,44 +35,6 @@ OFF_ROAD = {"none", "sidewalk", "walking", "curb", "median", "tram", "rail"}
 """Lane types that are no road for OffroadCondition and for where a vehicle may start."""
 
 
-@dataclass(frozen=True, slots=True)
-class Track:
-    """Names a corridor: lane `lane` of a road from s on, along s (+1) or against it, over wished roads.
-
-    `groups` are those of borders known before, by lane, `first_group` the first for the others.
-    """
-
-    road: str
-    lane: int
-    s_m: float
-    direction: int
-    route: tuple[str, ...] = ()
-    groups: tuple[tuple[int, int], ...] = ()
-    first_group: int = 0
-    is_own: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Spot:
-    """A place on a track: distance, offset to the left of the way driven, heading turned to the left."""
-
-    track: Track
-    s_m: float
-    offset_m: float = 0.0
-    turn_rad: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class RoadSpot:
-    """The same place on the road: s, the lane of the track, the direction driven, the offset in t from it."""
-
-    road: str
-    s_m: float
-    lane: int
-    direction: int
-    offset_m: float
-
-
 class Tracks:
     """Makes corridors as they are asked for, and finds places on them."""
 
@@ -80,6 +43,7 @@ class Tracks:
         self._config = config or CorridorConfig()
         self._corridors: OrderedDict[Track, Corridor] = OrderedDict()
         self._paths: OrderedDict[object, Path] = OrderedDict()
+        self._names: dict[Track, Track] = {}
         self._starts: dict[Place, tuple[int, float]] = {}
         self.locator = Locator(road_map)
         self.fixed: dict[Position, Spot] = {}
@@ -90,7 +54,7 @@ class Tracks:
 
     def _made(self, track: Track) -> Corridor:
         road = self.road_map.road(track.road)
-        number = _section_number(self.road_map, track.road, track.s_m)
+        number = section_number(self.road_map, track.road, track.s_m)
         lane = road.sections[number].lanes[track.lane]
         against = road.direction(track.lane, reversed_lane=lane.reversed) != track.direction
         config = CorridorConfig(
@@ -118,11 +82,11 @@ class Tracks:
         *,
         direction: int | None = None,
         route: tuple[str, ...] = (),
-        own_from: "OwnFrom | None" = None,
+        own_from: OwnFrom | None = None,
     ) -> Spot:
         """Return the place beside a lane's middle (offset in t), driven its own way or as given."""
         road = self.road_map.road(road_id)
-        number = _section_number(self.road_map, road_id, s_m)
+        number = section_number(self.road_map, road_id, s_m)
         section = road.sections[number]
         if direction is None:
             direction = road.direction(lane, reversed_lane=section.lanes[lane].reversed)
@@ -136,7 +100,11 @@ class Tracks:
         if place not in self._starts:
             self._starts[place] = self._first(place)
         lane, s_m = self._starts[place]
-        return Track(place.road_id, lane, s_m, place.direction, route)
+        return self._named(Track(place.road_id, lane, s_m, place.direction, route))
+
+    def _named(self, track: Track) -> Track:
+        """Return the same object for equal tracks: it is found without comparing."""
+        return self._names.setdefault(track, track)
 
     def _first(self, place: Place) -> tuple[int, float]:
         """Return the lane and s where the way along a lane begins on its road."""
@@ -163,7 +131,7 @@ class Tracks:
                     return candidate
         return None
 
-    def _own(self, place: Place, s_m: float, route: tuple[str, ...], before: "OwnFrom") -> Track:
+    def _own(self, place: Place, s_m: float, route: tuple[str, ...], before: OwnFrom) -> Track:
         section = section_of(self.road_map, place)
         start = s_m - place.direction * BEHIND_M
         low, high = section.start_m, section.end_m
@@ -172,7 +140,8 @@ class Tracks:
         start = min(max(start, low), high)
         groups = tuple((lane, group) for lane, group in before.groups if lane in section.lanes)
         first = before.changes * GROUPS_PER_CHANGE
-        return Track(place.road_id, place.lane_id, start, place.direction, route, groups, first, is_own=True)
+        own = Track(place.road_id, place.lane_id, start, place.direction, route, groups, first, is_own=True)
+        return self._named(own)
 
     def road_spot(self, spot: Spot) -> RoadSpot:
         """Return where on the road a place is."""
@@ -181,7 +150,7 @@ class Tracks:
 
     def t_of(self, here: RoadSpot) -> float:
         """Return t of a place on its road."""
-        number = _section_number(self.road_map, here.road, here.s_m)
+        number = section_number(self.road_map, here.road, here.s_m)
         section = self.road_map.roads[here.road].sections[number]
         return float(section.centre(np.array([here.s_m]), here.lane)[0][0]) + here.offset_m
 
@@ -197,7 +166,7 @@ class Tracks:
         lane = self.lane_of(here)
         if lane is None:
             return True
-        number = _section_number(self.road_map, here.road, here.s_m)
+        number = section_number(self.road_map, here.road, here.s_m)
         return self.road_map.roads[here.road].sections[number].lanes[lane].type in OFF_ROAD
 
     def pose(self, spot: Spot) -> tuple[Array, float]:
@@ -242,7 +211,7 @@ class Tracks:
 
     def spot_at(self, road_id: str, s_m: float, t_m: float, direction: int | None = None) -> Spot:
         """Return the place at s, t of a road, on the lane there or the nearest one to drive on."""
-        number = _section_number(self.road_map, road_id, s_m)
+        number = section_number(self.road_map, road_id, s_m)
         section = self.road_map.roads[road_id].sections[number]
         lane = lane_at(self.road_map, road_id, s_m, t_m)
         if lane is None or section.lanes[lane].type not in DRIVABLE:
@@ -256,7 +225,7 @@ class Tracks:
 
     def lanes_from(self, here: RoadSpot, count_left: int) -> int | None:
         """Return the lane so many lanes to the left as driven; None if there is none."""
-        number = _section_number(self.road_map, here.road, here.s_m)
+        number = section_number(self.road_map, here.road, here.s_m)
         ids = sorted(i for i in self.road_map.roads[here.road].sections[number].lanes if i != 0)
         current = self.lane_of(here) or here.lane
         if current not in ids:
@@ -266,7 +235,7 @@ class Tracks:
 
     def has_lane(self, road_id: str, s_m: float, lane: int) -> bool:
         """Return whether a road has a lane at s."""
-        number = _section_number(self.road_map, road_id, s_m)
+        number = section_number(self.road_map, road_id, s_m)
         return lane != 0 and lane in self.road_map.roads[road_id].sections[number].lanes
 
     def changed(self, spot: Spot, lane: int, changes: int) -> Spot:
@@ -307,27 +276,3 @@ class Tracks:
             own_from=OwnFrom((), 0),
         )
         return replace(spot, track=target.track, s_m=target.s_m)
-
-
-@dataclass(frozen=True, slots=True)
-class OwnFrom:
-    """What a new track of the sensor's carrier goes on from: groups by lane, and how many were before."""
-
-    groups: tuple[tuple[int, int], ...]
-    changes: int
-
-
-def _section_number(road_map: RoadMap, road_id: str, s_m: float) -> int:
-    sections = road_map.road(road_id).sections
-    return max(0, sum(section.start_m <= s_m for section in sections) - 1)
-
-
-def lane_at(road_map: RoadMap, road_id: str, s_m: float, t_m: float) -> int | None:
-    """Return the lane that t lies on; None outside all."""
-    section = road_map.roads[road_id].sections[_section_number(road_map, road_id, s_m)]
-    borders, _ = section.borders(np.array([s_m]), section.ids)
-    for lane in sorted((i for i in section.ids if i != 0), key=abs):
-        low, high = sorted((float(borders[section.inner(lane)][0]), float(borders[lane][0])))
-        if low <= t_m <= high and high > low:
-            return lane
-    return None

@@ -9,8 +9,9 @@ from vsensor.types import Array
 from vsensor.world.openscenario.bodies import Body, Motion, anchored, motion_of, spot_of, way_on
 from vsensor.world.openscenario.model import Story
 from vsensor.world.openscenario.rods import Rod
+from vsensor.world.openscenario.spots import RoadSpot, Spot
 from vsensor.world.openscenario.state import Happening, Memory, Phase, Running, StoryState
-from vsensor.world.openscenario.tracks import RoadSpot, Spot, Tracks
+from vsensor.world.openscenario.tracks import Tracks
 
 LOOK_M = 1000.0
 """How far along the roads one entity is looked for from another."""
