@@ -142,7 +142,8 @@ def ran(words):
 
 
 OFFERED = (
-    *("run", "check", "decode", "convert", "log", "score", "accept", "sweep", "replay", "gateway", "profile"),
+    *("run", "check", "decode", "convert", "log", "score", "accept", "sweep", "experiment", "replay"),
+    *("gateway", "profile"),
     *("scan", "table", "tune", "validate", "density", "influence", "road"),
 )
 VSENSOR = [command for command in commands() if command.startswith("vsensor ")]
@@ -363,6 +364,7 @@ def test_the_schemas_are_those_of_the_program():
     from vsensor.accept import SCHEMA as LIMITS
     from vsensor.config import SCHEMA as SCENARIO
     from vsensor.error_model import SCHEMA as ERROR_MODEL
+    from vsensor.experiment.matrix import SCHEMA as EXPERIMENT
     from vsensor.field.config import SCHEMA as SCAN
     from vsensor.field.table import SCHEMA as TABLE
     from vsensor.field.validate.judge import SCHEMA as VALIDATE
@@ -371,7 +373,7 @@ def test_the_schemas_are_those_of_the_program():
     from vsensor.world.road import SCHEMA as ROAD
 
     said = {codes(row[1])[0] for row in table("| file | schema | what |")}
-    assert said == {SCENARIO, PROFILE, ERROR_MODEL, LIMITS, SCAN, VALIDATE, TABLE, SCHEMA, POINTS, ROAD}
+    assert said == {SCENARIO, PROFILE, ERROR_MODEL, LIMITS, SCAN, VALIDATE, TABLE, SCHEMA, POINTS, EXPERIMENT, ROAD}
 
 
 def test_the_frame_table_has_the_messages_of_the_native_dbc_with_their_ids():

@@ -79,7 +79,8 @@ def test_a_shipped_experiment_loads_with_all_its_scenarios(name):
     [
         ("", ["scenarios"]),
         ("scenarios = []", ["scenarios", "length >= 1"]),
-        ('scenarios = ["highwy"]', ["highwy", "no such file"]),
+        ('scenarios = ["highwy"]', ["highwy", "nor a shipped scenario"]),
+        ('scenarios = ["absent.toml"]', ["absent.toml", "no such file"]),
         ('scenarios = ["highway", "highway"]', ["scenarios: highway is there twice"]),
         ('scenarios = ["highway"]\nseeds = 0', ["seeds"]),
         ('scenarios = ["highway"]\nseeds = []', ["seeds", "at least one"]),

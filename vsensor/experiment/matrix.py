@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from vsensor.config import Scenario, shipped_scenarios
+from vsensor.config import Scenario
 from vsensor.errors import ConfigError
 from vsensor.schema import Config, check_schema, convert, read_toml, user_path
 from vsensor.study.vary import MOST_CELLS, Settings, grid, scenario_with
@@ -175,14 +175,7 @@ def _find(name_or_path: str) -> Path:
 def _entry(matrix: Matrix, entry: str) -> str:
     """Return a scenario's file, seen from the matrix's folder; a shipped name stays as it is."""
     beside = matrix.path.parent / user_path(entry)
-    if beside.is_file():
-        return str(beside)
-    if entry not in shipped_scenarios():
-        known = ", ".join(shipped_scenarios())
-        raise ConfigError(
-            f"{matrix.path}: scenarios: {entry}: no such file, nor a shipped scenario ({known})"
-        )
-    return entry
+    return str(beside) if beside.suffix or beside.is_file() else entry
 
 
 def _check(matrix: Matrix) -> None:
