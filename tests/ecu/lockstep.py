@@ -53,15 +53,15 @@ def closed_loop(scenario, ticks, *, overrides=None, options=(), frames_of=lambda
             assert computed is not None, "the road has ended"
             state = computed.state_if_sent
             rows.append(_row(line, computed.output))
-            _tell(ecu.stdin, frames_of(computed.output.frames, index), tick.t_ns)
-            heard = _asked(requests, tick.t_ns) if index else ()
+            tell(ecu.stdin, frames_of(computed.output.frames, index), tick.t_ns)
+            heard = asked(requests, tick.t_ns) if index else ()
         ecu.stdin.close()
         report = json.loads(ecu.stdout.read())
     left, right, speed_mps, yaw_rate_radps = np.array(rows).T
     return Drive({Side.LEFT: left, Side.RIGHT: right}, speed_mps, yaw_rate_radps, report)
 
 
-def _tell(pipe, frames, t_ns):
+def tell(pipe, frames, t_ns):
     """Write a burst; its frames have one time, so that requests fall between bursts only."""
     seconds, rest = divmod(START_S * 10**9 + t_ns, 10**9)
     for frame in frames:
@@ -71,7 +71,7 @@ def _tell(pipe, frames, t_ns):
     pipe.flush()
 
 
-def _asked(requests, t_ns):
+def asked(requests, t_ns):
     """Return the requests that left since the image before, as the sensor hears them."""
     heard = []
     for number in range(STEPS_PER_IMAGE):

@@ -21,6 +21,7 @@ def course(dtle=None, acceleration=None):
             straight if dtle is None else dtle,
             np.full(T.size, 1.0),
             np.zeros(T.size) if acceleration is None else acceleration,
+            np.where(T < RELEASE_S - 0.01, 0.1, -np.gradient(straight if dtle is None else dtle, T)),
         ],
         axis=1,
     )

@@ -29,7 +29,7 @@ class Asks:
 
 
 def drive(tmp_path, name="solid", ecu="none", seconds=6.0, **departure):
-    """Return the course (ticks, 4) of a departure and the time at which the robot lets go."""
+    """Return the course (ticks, 5) of a departure and the time at which the robot lets go."""
     told = {f"departure.{key}": value for key, value in departure.items()}
     told["departure.start_s"] = 1.0
     scenario = scenario_with(str(SHIPPED / "lanes" / f"{name}.toml"), {"duration_s": seconds, **told})
@@ -47,6 +47,7 @@ def test_where_the_robot_lets_go_the_tyre_is_as_far_from_the_edge_as_was_told(tm
     assert release_s == pytest.approx(1.0 + 0.4 * 1200 / 400)
     # 2 mm: the vehicle's heading foreshortens its width by 0.2 mm, the bend curves away over the wheelbase
     assert np.interp(release_s, t, dtle) == pytest.approx(0.6, abs=0.005)
+    assert course[np.argmax(t >= release_s - 1e-9), 4] == pytest.approx(0.4, abs=0.002)
 
 
 def test_the_curve_into_the_drift_has_the_standards_length():
@@ -68,7 +69,7 @@ def test_hands_off_the_vehicle_goes_on_at_the_speed_of_the_drift(tmp_path):
 def test_left_and_right_mirror_each_other(tmp_path):
     left, _ = drive(tmp_path, side="left", seconds=3.0)
     right, _ = drive(tmp_path, side="right", seconds=3.0)
-    np.testing.assert_allclose(left[:, 1:3], right[:, 1:3], atol=1e-6)
+    np.testing.assert_allclose(left[:, [1, 2, 4]], right[:, [1, 2, 4]], atol=1e-6)
     np.testing.assert_allclose(left[:, 3], -right[:, 3], atol=1e-6)
 
 

@@ -4,6 +4,8 @@ Words, after the standards:
 
 - *DTLE*, distance to lane edge: from the outer side of the front tyre to the inner border of the marking
   that the vehicle drifts to (to the lane's border where nothing is painted), across it; negative beyond it.
+- *departure*: the front axle's speed across the edge when the robot lets go, by heading and yaw rate, for the
+  tyres do not slip yet and what an ECU does at once does not count.
 - *time to line crossing*: DTLE over the speed at which it shrinks.
 - *lateral acceleration* of the rear axle, speed times yaw rate, less its value when the robot let go: what
   the lane keeping action adds. *Jerk*: its change over half a second, the moving average that ISO 11270 and
@@ -21,17 +23,15 @@ import numpy as np
 from vsensor.config import Scenario
 from vsensor.experiment.ecu import REQUEST, WARNING
 from vsensor.profile import LaneWarning, Profile
-from vsensor.types import Array, Frame, Output
-from vsensor.world.lane_edge import edge_beside, tyre_to_edge
+from vsensor.types import Array, Frame, Output, Snapshot
+from vsensor.world.lane_edge import TyreToEdge, edge_beside, tyre_to_edge
 
 JERK_OVER_S = 0.5
 RETURNING_AFTER_S = 2.0
 SLOW_RETURN_MPS = 0.3
-STEADY_AFTER_S = 0.12
-"""Three images after the robot let go the front axle has left the curve."""
 GONE_M = 0.8
 """Once the tyre is that far beyond the edge the test is over."""
-COURSE_COLUMNS = ("t_s", "dtle_m", "other_dtle_m", "lateral_mps2")
+COURSE_COLUMNS = ("t_s", "dtle_m", "other_dtle_m", "lateral_mps2", "towards_mps")
 
 LOOP_FIGURES = (
     *("departure_mps", "dtle_min_m", "other_dtle_min_m", "warning_s", "dtle_at_warning_m"),
@@ -59,17 +59,23 @@ class CourseSink:
         snapshot = output.snapshot
         if self._edges is None:
             self._edges = {left: edge_beside(snapshot, left, self._axle_m) for left in (True, False)}
-        distances = []
-        for left in (self._is_left, not self._is_left):
-            edge = self._edges[left]
-            tyre = None
-            if edge is not None:
-                tyre = tyre_to_edge(snapshot, edge, left, self._axle_m, self._width_m)
-            distances.append(math.nan if tyre is None else tyre.distance_m)
-            if tyre is not None and left == self._is_left:
-                self.marking_m = tyre.width_m
         ego = snapshot.ego
-        self._rows.append((output.tick.t_ns * 1e-9, *distances, ego.speed_mps * ego.yaw_rate_radps))
+        tyres = [self._tyre(snapshot, self._is_left), self._tyre(snapshot, not self._is_left)]
+        distances = [math.nan if tyre is None else tyre.distance_m for tyre in tyres]
+        towards_mps = math.nan
+        if tyres[0] is not None:
+            self.marking_m = tyres[0].width_m
+            angle, sign = tyres[0].towards_rad, 1.0 if self._is_left else -1.0
+            swings_mps = sign * self._axle_m * ego.yaw_rate_radps  # the front axle about the rear one
+            towards_mps = ego.speed_mps * math.sin(angle) + swings_mps * math.cos(angle)
+        turning = ego.speed_mps * ego.yaw_rate_radps
+        self._rows.append((output.tick.t_ns * 1e-9, *distances, turning, towards_mps))
+
+    def _tyre(self, snapshot: Snapshot, is_left: bool) -> TyreToEdge | None:
+        edge = None if self._edges is None else self._edges[is_left]
+        if edge is None:
+            return None
+        return tyre_to_edge(snapshot, edge, is_left, self._axle_m, self._width_m)
 
     def is_over(self) -> bool:
         """Return whether the vehicle has left the lane, or has turned back and what is judged is past."""
@@ -102,8 +108,8 @@ def told(frames: Sequence[Frame], profiles: Sequence[Profile]) -> dict[str, Arra
 def loop_figures(
     course: Array, ecu: Mapping[str, Array], release_s: float, marking_m: float, is_left: bool
 ) -> dict[str, float]:
-    """Return LOOP_FIGURES of a course (ticks, 4) and what the ECU told; NaN where it did nothing."""
-    t, dtle, other, acceleration = course.T
+    """Return LOOP_FIGURES of a course (ticks, columns) and what the ECU told; NaN where it did nothing."""
+    t, dtle, other, acceleration, towards = course.T
     after = t >= release_s - 1e-9
     least = int(np.nanargmin(np.where(after, dtle, np.inf)))
     side = LaneWarning.LEFT if is_left else LaneWarning.RIGHT
@@ -113,7 +119,7 @@ def loop_figures(
     shrinks = -np.gradient(dtle, t)
     distance, speed = _at(t, dtle, warned), _at(t, shrinks, warned)
     added = np.where(after, acceleration - acceleration[int(after.argmax())], 0.0)
-    departure = _at(t, shrinks, release_s + STEADY_AFTER_S)
+    departure = float(towards[int(after.argmax())])
     returning = _at(t, -shrinks, t[least] + RETURNING_AFTER_S)
     return {
         "departure_mps": departure,

@@ -35,7 +35,7 @@ def _courses(runs: list[tuple[dict[str, Any], dict[str, Any]]], entry: str, matr
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     for number, (told, result) in enumerate(runs):
         colour = COLOURS[number % len(COLOURS)]
-        t, dtle, _, acceleration = np.array(result["course"], dtype=np.float64).T
+        t, dtle, _, acceleration, _ = np.array(result["course"], dtype=np.float64).T
         words = " ".join(str(told[column]) for column in matrix.columns)
         upper.plot(t, dtle, color=colour, lw=1.0, label=words if number < 2 * len(COLOURS) else None)
         lower.plot(t, acceleration, color=colour, lw=0.8)

@@ -13,7 +13,15 @@ from vsensor.experiment.matrix import KEPT, Matrix, load_matrix
 from vsensor.experiment.page import page
 from vsensor.experiment.plan import Plan, clear_parts, forget_incomplete, make_plan
 from vsensor.experiment.runs import FILES
-from vsensor.experiment.tables import Broken, judged, require_columns, run_rows, short_table, side_rows
+from vsensor.experiment.tables import (
+    Broken,
+    judged,
+    require_columns,
+    run_rows,
+    short_table,
+    side_rows,
+    with_verdict,
+)
 from vsensor.image import import_opencv
 from vsensor.sinks.rows import writer_for
 from vsensor.study.cells import Outcome, run_cells
@@ -101,7 +109,10 @@ def run_experiment(
     lines, broken = [counted(outcome, "runs")], list[Broken]()
     if rows := run_rows(plan, outcome):
         broken = judged(rows, matrix.config.limit)
-        shown = SHOWN if matrix.config.loop is None else SHOWN_LOOP
+        shown = {**(SHOWN if matrix.config.loop is None else SHOWN_LOOP)}
+        if matrix.config.limit:
+            rows, shown = with_verdict(rows, broken), {**shown, "beyond": ""}
+            lines.append(f"{len({one.row['run'] for one in broken})} of {len(rows)} runs beyond a limit")
         table = short_table(rows, ("scenario", *matrix.columns, "seed"), shown)
         lines = [*aligned(table), *lines, *_written(folder, matrix, plan, outcome, rows)]
         if not outcome.interrupted:

@@ -89,6 +89,14 @@ def judged(rows: Sequence[Row], limits: Sequence[LimitConfig]) -> list[Broken]:
     ]
 
 
+def with_verdict(rows: Sequence[Row], broken: Sequence[Broken]) -> list[Row]:
+    """Return the rows with a column `beyond`: the columns whose limits they are beyond, "-" if none."""
+    beyond: dict[str, list[str]] = {}
+    for one in broken:
+        beyond.setdefault(one.row["run"], []).append(one.limit.column)
+    return [{**row, "beyond": " ".join(beyond.get(row["run"], ["-"]))} for row in rows]
+
+
 def keeps(limit: LimitConfig, value: float | None) -> bool:
     """Return whether a value is within a limit; none is not."""
     if value is None or math.isnan(value):

@@ -23,10 +23,14 @@ _TANGENT_HALF_M = 0.5  # the edge's direction is taken over one metre
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TyreToEdge:
-    """`distance_m` from the tyre's outer side to the edge, across it; `width_m` of the marking, 0 without."""
+    """Where an edge is: `distance_m` across it from the tyre's outer side, `width_m` of its marking.
+
+    `towards_rad`: the angle at which the vehicle's axis meets it, positive towards it.
+    """
 
     distance_m: float
     width_m: float
+    towards_rad: float
 
 
 def edge_beside(snapshot: Snapshot, is_left: bool, front_axle_x_m: float) -> int | None:
@@ -51,9 +55,13 @@ def tyre_to_edge(
                 return None
             # The axle's end, and the inner border half a width beside the marking's middle, both taken
             # across the edge, which the vehicle's axis meets at atan(slope).
-            sign = 1.0 if is_left else -1.0
-            across = sign * y * cos(atan(slope)) - width_m / 2.0
-            return TyreToEdge(distance_m=across - vehicle_width_m / 2.0 * cos(atan(slope)), width_m=width_m)
+            sign, angle = (1.0 if is_left else -1.0), atan(slope)
+            across = sign * y * cos(angle) - width_m / 2.0
+            return TyreToEdge(
+                distance_m=across - vehicle_width_m / 2.0 * cos(angle),
+                width_m=width_m,
+                towards_rad=-sign * angle,
+            )
     return None
 
 
