@@ -6,7 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.outputs import Drawn, four_lines, output_of, straight
+from tests.outputs import Drawn, ego_at, four_lines, output_of, straight
+from tests.roads import box
+from tests.roads import straight as road_line
+from tests.truths import output_at
+from vsensor.camera import Camera, CameraConfig
 from vsensor.score import ErrorStats, score_trace
 from vsensor.sinks.trace import TraceSink, read_trace
 from vsensor.types import Side, Unseen
@@ -62,6 +66,7 @@ def test_availability_is_the_share_of_true_lines_that_were_reported(tmp_path):
     side = scored(tmp_path, outputs).sides[0]
     assert side.availability == pytest.approx(0.75)
     assert side.unseen == {Unseen.OCCLUDED: 5}
+    assert side.hidden_by == {}
 
 
 def test_availability_is_that_of_measured_lines_plus_that_of_predicted_ones(tmp_path):
@@ -136,3 +141,14 @@ def test_the_text_is_a_table_with_every_side_and_range(tmp_path):
     assert [line.split()[0] for line in errors[1:5]] == ["left"] * 4
     assert errors[0].split() == ["side", "at", "n", "mean", "std", "95", "%", "of", "|e|"]
     assert any(line.startswith("all") for line in errors)
+
+
+def test_the_object_that_hid_a_line_is_named(tmp_path):
+    camera = Camera.from_config(CameraConfig(pixel_grid=False))
+    wall = box(6.0, 1.8, 1.5, (2.0, 3.0, 3.0), number=7)
+    sink = TraceSink(tmp_path / "trace.npz", front_axle_x_m=2.8, camera=camera)
+    sink.write(output_at(ego_at(), [road_line(1.8)], camera=camera, obstacles=(wall,)))
+    sink.close()
+    score = score_trace(read_trace(tmp_path / "trace.npz"))
+    assert score.sides[0].hidden_by == {7: 1}
+    assert "occluded by object 7" in score.text()

@@ -16,7 +16,7 @@ Quantiles interpolate linearly between the ordered values; NaN where there is no
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -77,7 +77,8 @@ class ErrorStats:
 class SideScore:
     """The score of one side, or of all (`name` "all"); definitions at the head of the module.
 
-    `unseen` counts the rows with a true line and no report, by reason.
+    `unseen` counts the rows with a true line and no report, by reason; `hidden_by` those that are occluded,
+    by the object that hides most of the line (its id), where the trace names it.
     """
 
     name: str
@@ -91,6 +92,7 @@ class SideScore:
     range_5_m: float
     range_95_m: float
     unseen: Mapping[Unseen, int]
+    hidden_by: Mapping[int, int]
 
     @property
     def availability(self) -> float:
@@ -143,6 +145,8 @@ def _score(name: str, trace: Trace) -> SideScore:
     x_max = trace["x_max_m"][is_reported]
     quantiles = np.quantile(x_max, (0.05, 0.95)).tolist() if x_max.size else (math.nan, math.nan)
     reasons = trace["reason_unseen"][is_true & ~is_reported]
+    hiding = trace["occluded_by"][is_true & ~is_reported & (trace["reason_unseen"] == Unseen.OCCLUDED)]
+    objects, counts = np.unique(hiding[hiding >= 0], return_counts=True)
     return SideScore(
         name=name,
         true_rows=int(is_true.sum()),
@@ -155,6 +159,7 @@ def _score(name: str, trace: Trace) -> SideScore:
         range_5_m=quantiles[0],
         range_95_m=quantiles[1],
         unseen={reason: int((reasons == reason).sum()) for reason in Unseen if (reasons == reason).any()},
+        hidden_by=dict(zip(objects.tolist(), counts.tolist(), strict=True)),
     )
 
 
@@ -174,9 +179,7 @@ def score_lines(score: Score) -> list[str]:
         )
         for side in everyone
     ]
-    reasons = [
-        (side.name, _reason_text(reason), str(n)) for side in score.sides for reason, n in side.unseen.items()
-    ]
+    reasons = [row for side in score.sides for row in _reason_rows(side)]
     return [
         f"{score.ticks} ticks; lateral error in m, reported minus true, positive = too far left",
         *_aligned(("side", "at", "n", "mean", "std", "95 % of |e|"), errors),
@@ -184,6 +187,15 @@ def score_lines(score: Score) -> list[str]:
         *_aligned(_RANGE_HEADER, ranges),
         *(["", *_aligned(("side", "not reported because", "n"), reasons)] if reasons else []),
     ]
+
+
+def _reason_rows(side: SideScore) -> Iterator[tuple[str, str, str]]:
+    """Yield a row for each reason, and below "occluded" one for each object that did it."""
+    for reason, n in side.unseen.items():
+        yield side.name, _reason_text(reason), str(n)
+        if reason == Unseen.OCCLUDED:
+            for number, times in side.hidden_by.items():
+                yield side.name, f"occluded by object {number}", str(times)
 
 
 def _reason_text(reason: Unseen) -> str:
