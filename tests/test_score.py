@@ -145,7 +145,7 @@ def test_the_text_is_a_table_with_every_side_and_range(tmp_path):
 
 def test_the_object_that_hid_a_line_is_named(tmp_path):
     camera = Camera.from_config(CameraConfig(pixel_grid=False))
-    wall = box(6.0, 1.8, 1.5, (2.0, 3.0, 3.0), number=7)
+    wall = box(6.0, 0.0, 1.5, (2.0, 9.0, 3.0), number=7)
     sink = TraceSink(tmp_path / "trace.npz", front_axle_x_m=2.8, camera=camera)
     sink.write(output_at(ego_at(), [road_line(1.8)], camera=camera, obstacles=(wall,)))
     sink.close()

@@ -64,7 +64,6 @@ def _over_x(frame: Rigid, world: Array, wanted_x_m: Array) -> Array:
     world[0] -= frame.translation[:, None]
     x, y = np.einsum("ji,kjm->ikm", frame.rotation[:, :2], world)
     step = (wanted_x_m - x[0]) / x[1]
-    step -= (taylor.shifted(x, step)[0] - wanted_x_m) / x[1]
     return taylor.over(taylor.shifted(x, step), taylor.shifted(y, step))
 
 
