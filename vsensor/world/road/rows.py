@@ -8,6 +8,10 @@ from vsensor.errors import ConfigError
 from vsensor.world.opendrive.polynomial import CubicRecord
 from vsensor.world.road.config import Points
 
+SHORTEST_M = 1e-3
+LARGEST = 1e6
+"""Of a place and a value: no road is so long or wide."""
+
 ZERO: tuple[CubicRecord, ...] = ((0.0, 0.0, 0.0, 0.0, 0.0),)
 
 
@@ -32,15 +36,22 @@ def straight_rows(points: Points, key: str) -> tuple[CubicRecord, ...]:
 def stations(points: Points, key: str) -> list[tuple[float, float]]:
     """Return the points with rising s; raises ConfigError naming `key`."""
     if not isinstance(points, list):
-        return [(0.0, float(points))]
+        return [(0.0, _plausible(points, key))]
     if not points:
         raise ConfigError(f"{key}: an empty list; a number or points [[s, value], ...] were expected")
     for (s0, _), (s1, _) in pairwise(points):
-        if s1 <= s0:
-            raise ConfigError(f"{key}: s must rise, but {s1:g} m comes after {s0:g} m")
-    if points[0][0] < 0.0:
-        raise ConfigError(f"{key}: s = {points[0][0]:g} m; a road starts at 0")
-    return [(float(s), float(value)) for s, value in points]
+        if s1 < s0 + SHORTEST_M:
+            raise ConfigError(f"{key}: s must rise by {SHORTEST_M:g} m, but {s1:g} m comes after {s0:g} m")
+    if points[0][0] < 0.0 or points[-1][0] > LARGEST:
+        worst = points[0][0] if points[0][0] < 0.0 else points[-1][0]
+        raise ConfigError(f"{key}: s = {worst:g} m: from 0 to {LARGEST:g} m was expected")
+    return [(float(s), _plausible(value, key)) for s, value in points]
+
+
+def _plausible(value: float, key: str) -> float:
+    if abs(value) > LARGEST:
+        raise ConfigError(f"{key} = {value:g}: at most {LARGEST:g} was expected")
+    return float(value)
 
 
 def step_row(s0: float, s1: float, v0: float, v1: float) -> CubicRecord:
