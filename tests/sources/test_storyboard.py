@@ -31,9 +31,10 @@ from tests.stories import (
 )
 from vsensor.config import load_scenario
 from vsensor.errors import ConfigError, StoryError
-from vsensor.line import build_source
+from vsensor.line import build_line, build_source
+from vsensor.overlay.build import synth_of
 from vsensor.sources.storyboard import StoryboardConfig, StoryDrive
-from vsensor.types import Environment, Tick
+from vsensor.types import Environment, Tick, Unseen
 
 MS = 1_000_000
 
@@ -241,3 +242,32 @@ def test_a_collision_course_is_seen_by_its_trigger(tmp_path):
     assert source.duration_s == pytest.approx(
         (50.0 - 5.0) / 20.0, abs=0.011
     )  # from front to rear of 5 m boxes
+
+
+def test_a_storyboard_is_not_laid_over_a_log(tmp_path):
+    path = written(tmp_path, text())
+    with pytest.raises(ConfigError, match="a storyboard has a time of its own"):
+        synth_of(load_scenario(str(path)))
+
+
+def test_a_truck_ahead_hides_the_lines_behind_it(tmp_path):
+    tall = (
+        CAR.replace('height="1.5"', 'height="4"')
+        .replace('z="0.75"', 'z="2"')
+        .replace('width="2"', 'width="3"')
+    )
+    near = private("Ego", teleport(lane_position(50)), speed(20)) + private(
+        "Other", teleport(lane_position(62)), speed(20)
+    )
+    seen = {}
+    for name, entities, bodies in (("free", ("Ego",), {}), ("hidden", ("Ego", "Other"), {"Other": tall})):
+        init = near if name == "hidden" else private("Ego", teleport(lane_position(50)), speed(20))
+        (folder := tmp_path / name).mkdir()
+        path = written(folder, text(init=init, entities=entities, bodies=bodies))
+        scenario = load_scenario(str(path))
+        line = build_line(scenario)
+        computed = line.compute(line.initial_state(), Tick(index=0, t_ns=0, period_ns=40 * MS))
+        reasons = computed.output.observation.reason
+        seen[name] = int((reasons == Unseen.OCCLUDED).sum())
+    assert seen["free"] == 0
+    assert seen["hidden"] > 100

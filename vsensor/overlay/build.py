@@ -11,7 +11,7 @@ from vsensor.overlay.on_map import OnMap
 from vsensor.overlay.synth import Placed, Synth
 from vsensor.overlay.taking_over import TakingOver
 from vsensor.profile import Profile
-from vsensor.sources import LOG_SUFFIXES
+from vsensor.sources import LOG_SUFFIXES, STORY_SUFFIXES
 from vsensor.sources.drive import RecordedDrive, drive_of
 from vsensor.sources.driven import DrivenDrive
 from vsensor.sources.listening import Listener
@@ -58,6 +58,11 @@ def vehicle_profiles(scenario: Scenario) -> list[Profile]:
 
 
 def _source(scenario: Scenario, read: Read | None, take_over_ns: int | None) -> Placed:
+    if scenario.source.suffix.lower() in STORY_SUFFIXES:
+        raise ConfigError(
+            f"{scenario.path or scenario.source}: a storyboard has a time of its own: "
+            "over a log, a map or a log as source was expected"
+        )
     if scenario.source.suffix.lower() not in LOG_SUFFIXES:
         if take_over_ns is not None:
             raise ConfigError(
