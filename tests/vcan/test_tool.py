@@ -20,6 +20,19 @@ def vcan(*command, **options):
     )
 
 
+HEARING = """
+import os, signal, sys
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+os.execv(sys.argv[1], sys.argv[1:])
+"""
+
+
+def started(*command):
+    """Start the tool so that it hears Ctrl-C, which all that a shell runs in the background would ignore."""
+    words = [sys.executable, "-c", HEARING, TOOL, *command]
+    return subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+
+
 def leftovers():
     return set(Path("/tmp").glob("vcan-*"))
 
@@ -107,7 +120,7 @@ def test_signal_reaches_the_command_and_ends_both(number, on_signal, status):
     waits = "print('ready', flush=True); [time.sleep(0.1) for _ in iter(int, 1)]"  # a pause() may miss it
     script = f"import sys, time\ntry: {waits}\n{on_signal}"
     before = leftovers()
-    with subprocess.Popen([TOOL, sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as process:
+    with started(sys.executable, "-c", script) as process:
         assert process.stdout.readline() == "ready\n"
         process.send_signal(number)
         rest = process.communicate(timeout=60)[0]
@@ -118,7 +131,7 @@ def test_signal_reaches_the_command_and_ends_both(number, on_signal, status):
 
 def test_third_signal_ends_a_command_that_ignores_it():
     script = "trap '' INT; echo ready; while :; do sleep 1; done"
-    with subprocess.Popen([TOOL, "sh", "-c", script], stdout=subprocess.PIPE, text=True) as process:
+    with started("sh", "-c", script) as process:
         assert process.stdout.readline() == "ready\n"
         if is_native():
             process.kill()
