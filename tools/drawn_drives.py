@@ -1,6 +1,7 @@
 """Many seeds of tables that are drawn and not driven: how well tuning knows what it knows.
 
     python -m tools.drawn_drives --out DIR --hours 10 --held 5 --seeds 20
+    python -m tools.drawn_drives --out DIR --hours 3 --seeds 1 --generations 2
 
 A drive is what `tools.made_drives` makes: the same speeds, the same law through the same fit, losses and
 ranges; but straight into a table, without roads, bus and log. Ten hours take some half a minute, and the same
@@ -84,7 +85,8 @@ def _side(
         count = max(round(seconds / PERIOD_S), 1)
         seen[at : at + count] = is_seen
         at += count
-    here = seen[:, None] & (model.range_m <= x_max[:, None])
+    column = np.argmin(np.abs(model.speed_mps[:, None] - speed[None, :]), axis=0)
+    here = seen[:, None] & (model.range_m <= x_max[:, None]) & ~model.blind[:, column].T
     image, place = np.nonzero(here)
     lost = np.flatnonzero(~here.any(axis=1))
     nothing = np.full(len(lost), np.nan)
@@ -94,9 +96,8 @@ def _side(
     yield "x_max_m", np.concatenate([x_max[image], nothing])
 
 
-def drawn_table(folder: Path, hours: float, first_seed: int, ranges_m: Array) -> Table:
+def drawn_table(folder: Path, hours: float, first_seed: int, sensor: VirtualSensor) -> Table:
     """Draw a table of so many hours, in drives of ten minutes."""
-    sensor = law_sensor(ranges_m)
     seconds = min(DRIVE_S, hours * HOUR_S)
     for seed in range(first_seed, first_seed + max(round(hours * HOUR_S / seconds), 1)):
         name = f"drive_{seed}"
@@ -111,9 +112,16 @@ def one_seed(cell: Mapping[str, Any]) -> dict[str, Any]:
     folder = Path(cell["out"]) / f"seed_{cell['seed']}"
     rmtree(folder, ignore_errors=True)
     first = 1 + 1000 * cell["seed"]
-    table = drawn_table(folder / "table", cell["hours"], first, ranges)
-    save_library(tune_table(table, TuneOptions(close_loop=cell["held"] > 0.0)).library, folder / "model.npz")
-    model = load_library(folder / "model.npz").models["all"]
+    sensor, options = (
+        law_sensor(ranges),
+        TuneOptions(close_loop=cell["held"] > 0.0 or cell["generations"] > 1),
+    )
+    for generation in range(cell["generations"]):
+        rmtree(folder / "table", ignore_errors=True)
+        table = drawn_table(folder / "table", cell["hours"], first + 500 * generation, sensor)
+        save_library(tune_table(table, options).library, folder / "model.npz")
+        model = load_library(folder / "model.npz").models["all"]
+        sensor = VirtualSensor.of(model, FitSetting())
     found = compare(model, _truth(ranges), CORRELATION_TIME_S)
     rmtree(folder / "table")
     result = {
@@ -121,7 +129,7 @@ def one_seed(cell: Mapping[str, Any]) -> dict[str, Any]:
     }
     result |= {"levels": model.levels.tolist(), "time_off": found.time_off, "coverage": []}
     if cell["held"] > 0.0:
-        held = drawn_table(folder / "table", cell["held"], first + HELD_SEED, ranges)
+        held = drawn_table(folder / "table", cell["held"], first + HELD_SEED, law_sensor(ranges))
         result["coverage"] = validate_model(folder / "model.npz", held).judged[0].coverage.tolist()
     rmtree(folder)
     return result
@@ -191,6 +199,7 @@ def main(words: Sequence[str] | None = None) -> None:
     option("--out", type=Path, required=True, help="folder of the results")
     option("--hours", type=float, default=1.0, help="of driving for each seed (1)")
     option("--held", type=float, default=0.0, help="hours of held-out driving (0: none)")
+    option("--generations", type=int, default=1, help="2: the last, drawn by the model before it (1)")
     option("--seeds", type=int, default=20, help="how many (20)")
     option("--range-step", type=float, default=4.0, metavar="M", help="between ranges (4)")
     option("--workers", type=int, help="processes (all cores)")
@@ -200,6 +209,7 @@ def main(words: Sequence[str] | None = None) -> None:
             "seed": seed,
             "hours": told.hours,
             "held": told.held,
+            "generations": told.generations,
             "range_step_m": told.range_step,
             "out": str(told.out.resolve()),
         }
