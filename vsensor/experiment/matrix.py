@@ -70,6 +70,7 @@ class MatrixConfig(Config, frozen=True, kw_only=True):
     duration_s: Annotated[float, msgspec.Meta(gt=0, le=31_536_000)] | None = None
     outputs: tuple[Kept, ...] = ()
     image_every: Annotated[int, msgspec.Meta(ge=1)] = 25
+    truth_every: Annotated[int, msgspec.Meta(ge=1)] = 1
     settings: dict[str, Any] = msgspec.field(default_factory=dict)
     variant: tuple[VariantConfig, ...] = ()
     limit: tuple[LimitConfig, ...] = ()

@@ -44,6 +44,7 @@ def make_plan(
             "entry": point.entry,
             "outputs": [kind for kind in FILES if kind in outputs],
             "image_every": matrix.config.image_every if "images" in outputs else 0,
+            "truth_every": matrix.config.truth_every if "truth" in outputs else 0,
             "ecu": ecu,
         }
         for seed in seeds_of(matrix, point.scenario):

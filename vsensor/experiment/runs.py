@@ -43,6 +43,17 @@ FILES: Mapping[str, str] = {
 """What is kept -> its name in the run's folder."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Every:
+    """Of so many ticks one has an image, and the points of the true lines."""
+
+    images: int = 25
+    truth: int = 1
+
+
+EVERY = Every()
+
+
 @dataclass(frozen=True, slots=True)
 class ExperimentCell:
     """Runs a cell in a worker.
@@ -59,7 +70,8 @@ class ExperimentCell:
         """Run the cell's scenario, score it, keep what is wanted; see `run`."""
         scenario = scenario_of(cell, self.folders[cell["entry"]], "experiment")
         with _own_folder(self.out / run_name(cell), bool(cell["outputs"])) as folder:
-            return run(scenario, folder, cell["outputs"], cell["image_every"], cell["ecu"], self.bus)
+            every = Every(images=cell["image_every"], truth=cell["truth_every"])
+            return run(scenario, folder, cell["outputs"], every, cell["ecu"], self.bus)
 
 
 def run_name(cell: Mapping[str, Any]) -> str:
@@ -72,7 +84,7 @@ def run(
     scenario: Scenario,
     folder: Path,
     outputs: Sequence[str] = (),
-    image_every: int = 25,
+    every: Every = EVERY,
     ecu: str = "none",
     bus: str | None = None,
 ) -> Result:
@@ -89,7 +101,7 @@ def run(
     course = _course(scenario, line)
     with contextlib.ExitStack() as stack:
         sinks: list[Sink] = [memory, conditions, *([course] if course else [])]
-        for sink in _kept(scenario, line, folder, outputs, image_every):
+        for sink in _kept(scenario, line, folder, outputs, every):
             stack.callback(sink.close)
             sinks.append(sink)
         tap = None
@@ -186,17 +198,17 @@ def _scored(trace: Trace, conditions: ConditionSink) -> Result:
 
 
 def _kept(
-    scenario: Scenario, line: Line, folder: Path, outputs: Sequence[str], image_every: int
+    scenario: Scenario, line: Line, folder: Path, outputs: Sequence[str], every: Every
 ) -> Iterator[Sink]:
     """Open what is to be kept of a run, one after the other."""
     if "trace" in outputs:
         yield open_trace(folder / FILES["trace"], scenario, line)
     if "truth" in outputs:
-        yield open_truth(folder / FILES["truth"], scenario, line)
+        yield open_truth(folder / FILES["truth"], scenario, line, every=every.truth)
     if "log" in outputs:
         yield LogSink(folder / FILES["log"])
     if "images" in outputs:
-        yield open_images(scenario, line, folder=folder / FILES["images"], every=image_every)
+        yield open_images(scenario, line, folder=folder / FILES["images"], every=every.images)
 
 
 @contextlib.contextmanager
