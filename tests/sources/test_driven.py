@@ -9,7 +9,9 @@ import pytest
 
 from tests.maps import geometry, lane, loaded, road, section
 from tests.vehicle_frames import CYCLE_NS, Gateway
-from vsensor.config import SHIPPED
+from vsensor.config import SHIPPED, load_scenario
+from vsensor.errors import ConfigError
+from vsensor.line.build import build_source
 from vsensor.signals import VehicleConfig
 from vsensor.sources.driven import OFF_LANE, OFF_ROUTE, DrivenDrive
 from vsensor.sources.listening import ListenConfig
@@ -21,7 +23,7 @@ from vsensor.sources.traffic import TrafficConfig
 from vsensor.types import Light, Tick
 from vsensor.world.corridor import Corridor
 from vsensor.world.opendrive import load_map
-from vsensor.world.vehicle import DriverConfig, DynamicsConfig, placed
+from vsensor.world.vehicle import DriverConfig, DynamicsConfig, lean_degpmps2, placed
 
 KMH = 1.0 / 3.6
 PERIOD_NS = 40_000_000
@@ -284,3 +286,39 @@ def test_an_ordinary_drive_says_how_well_the_path_was_kept_and_nothing_else(bend
     kept, steps = source.remarks(states(source, 2.0)[-1])
     assert kept.startswith("driver: at most 0.00")
     assert steps.endswith(" m within 60 s")
+
+
+# ---- in a scenario ----
+
+
+def scenario(folder, text):
+    path = folder / "one.toml"
+    source = f'schema = "vsensor.scenario/1"\nsource = "{SHIPPED / "highway.xodr"}"\n'
+    path.write_text(source + text, encoding="utf-8")
+    return load_scenario(str(path))
+
+
+def test_manoeuvres_without_a_driver_are_refused(tmp_path):
+    text = '[[ego.manoeuvre]]\nkind = "hold"\n'
+    with pytest.raises(
+        ConfigError, match=r'ego.manoeuvre: ego.control = "driver" was expected, it is "lane"'
+    ):
+        build_source(scenario(tmp_path, text))
+
+
+def test_the_body_leans_as_the_scenarios_masses_and_springs_say(tmp_path):
+    lean = 'pitch_deg_per_mps2 = "dynamics"\nroll_deg_per_mps2 = "dynamics"\n'
+    one = scenario(tmp_path, f"[motion]\nbody = true\n{lean}[dynamics]\ncg_height_m = 0.8\n")
+    motion = one.config.sensor().motion
+    expected = lean_degpmps2(DynamicsConfig(cg_height_m=0.8), 2.8)
+    assert (motion.pitch_deg_per_mps2, motion.roll_deg_per_mps2) == expected
+
+
+@pytest.mark.parametrize("name", ["p3_hold", "p3_accelerate", "p3_brake", "p3_lane_change"])
+def test_p3s_manoeuvres_are_driven_on_its_track_from_80_kmh_on(name):
+    source = build_source(load_scenario(name))
+    speeds, shifts = source.plan.speeds, source.plan.shifts
+    assert min(speeds.values) == pytest.approx(80.0 * KMH) if name != "p3_lane_change" else len(shifts) == 2
+    assert load_scenario(name).source == SHIPPED / "p3_track.toml"
+    assert source.findings == ()
+    assert states(source, 0.4)[-1].troubles.met == {}

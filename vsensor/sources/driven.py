@@ -65,7 +65,7 @@ class DrivenDrive:
         vehicle: VehicleConfig,
     ) -> None:
         """Compile vehicle, driver and path; raises ConfigError."""
-        self.drive, self._plan = drive, plan
+        self.drive, self.plan = drive, plan
         self._track = SingleTrack.of(dynamics, vehicle.wheelbase_m)
         self._driver = Driver(self._track, driver)
         self._path = LanePath(drive.corridor, plan.shifts, drive.lane_offset)
@@ -79,7 +79,7 @@ class DrivenDrive:
         tyres = "linear" if self._track.is_linear else f"nonlinear, friction {self._track.friction:g}"
         return (
             *self.drive.notes,
-            f"a driver drives: {tyres} tyres, {len(self._plan.shifts)} changes of lane",
+            f"a driver drives: {tyres} tyres, {len(self.plan.shifts)} changes of lane",
         )
 
     @property
@@ -87,7 +87,7 @@ class DrivenDrive:
         """What was found in the map, and lanes that manoeuvres name and the road has not."""
         lanes, found = 0, list(self.drive.findings)
         corridor = self.drive.corridor
-        for shift in self._plan.shifts:
+        for shift in self.plan.shifts:
             lanes += shift.lanes_left
             is_there = (
                 not corridor.reaches(shift.end_m) or corridor.lane_beside(shift.end_m, lanes) is not None
@@ -105,7 +105,7 @@ class DrivenDrive:
 
     def initial_state(self) -> DrivenState:
         """Return the vehicle at the start, at its first speed, in the steady bend of the road there."""
-        speed = self._plan.speeds.value(0.0)
+        speed = self.plan.speeds.value(0.0)
         _, heading, offset = self._path.looked(np.array([0.0, 0.1]))
         pose = self.drive.corridor.pose(0.0, offset)
         x, y, _ = pose.position_world_m[0].tolist()
@@ -158,7 +158,7 @@ class DrivenDrive:
             order = Order(state.order.steering_rad, -self._driver.most_mps2(state.trip))
             return replace(after, order=order)
         seen = self._seen(state)
-        wanted = self._driver.wanted(self._plan.speeds, state.t_ns * 1e-9)
+        wanted = self._driver.wanted(self.plan.speeds, state.t_ns * 1e-9)
         off_m = abs(seen.offset_m)
         return replace(
             after,
