@@ -318,7 +318,7 @@ def test_the_body_leans_as_the_scenarios_masses_and_springs_say(tmp_path):
 def test_p3s_manoeuvres_are_driven_on_its_track_from_80_kmh_on(name):
     source = build_source(load_scenario(name))
     speeds, shifts = source.plan.speeds, source.plan.shifts
-    assert min(speeds.values) == pytest.approx(80.0 * KMH) if name != "p3_lane_change" else len(shifts) == 2
+    assert min(speeds.values) == pytest.approx(80.0 * KMH) if name != "p3_lane_change" else len(shifts) == 8
     assert load_scenario(name).source == SHIPPED / "p3_track.toml"
     assert source.findings == ()
     assert states(source, 0.4)[-1].troubles.met == {}
