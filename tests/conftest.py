@@ -35,7 +35,7 @@ def scheduler(tmp_path_factory):
         n_workers=2,
         threads_per_worker=1,
         processes=True,
-        dashboard_address=None,
+        dashboard_address="127.0.0.1:0",  # None means port 8787, which two test processes cannot share
         host="127.0.0.1",
         local_directory=str(folder),
     ) as cluster:

@@ -61,7 +61,7 @@ CASES = [
     ({"kind": "line_lost", "line": "left", "times": 10}, {"left_not_available": 1}),
     (
         {"kind": "ghost_line", "line": "left", "offset_m": -4.0, "times": 5},
-        {"contradiction": 5, "implausible_jump": 1},
+        {"contradiction": 5, "implausible_jump": 2},  # there and back
     ),
     ({"kind": "line_kind", "line": "left", "marking": "curb", "times": 5}, {}),  # nobody could tell
     ({"kind": "line_colour", "line": "left", "colour": "blue", "times": 5}, {}),

@@ -39,6 +39,9 @@ class Shown:
     def advance(self, state, tick, inputs):
         return None, self.snapshot_at(tick)
 
+    def remarks(self, state):
+        return ()
+
 
 def line_of(snapshot_at, *, profile_name="native", seed=0, **sections):
     """Return the line that looks at given snapshots, with these sections of the sensor's configuration.
