@@ -59,7 +59,7 @@ def _condition(axis: Axis, table: Array) -> Any:
     panel.set_yscale("log")
     panel.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     below.set_ylabel("errors")
-    below.set_xticks(places, [axis.labels[k] for k in seen])
+    below.set_xticks(places, [axis.labels[k] for k in seen], fontsize=7)
     below.set_xlabel(axis.title)
     for each in (panel, below):
         each.grid(visible=True, lw=0.3)
@@ -99,6 +99,6 @@ def _setting(rows: Sequence[Row], column: str, values: Sequence[Any]) -> Any:
         panel.set_xticks(range(len(values)), words, rotation=25 if max(map(len, words)) > 6 else 0)
         panel.set_ylabel(label)
         panel.set_xlabel(column)
-        panel.set_ylim(bottom=0.0)
+        panel.set_ylim(bottom=0.0, top=1.08 * max(panel.get_ylim()[1], 1e-9))
         panel.grid(visible=True, lw=0.3)
     return figure
