@@ -11,7 +11,7 @@ from typing import IO, Any
 from lxml import etree
 
 from vsensor.errors import MapError
-from vsensor.world.opendrive.xml import Element, shortened
+from vsensor.world.opendrive.xml import Element, refusals_named
 
 TAGS = ("header", "road", "junction")
 
@@ -21,18 +21,8 @@ def parts_of(path: Path, text: bytes | None = None) -> Iterator[Element]:
 
     `text` stands in place of the file's content. An element must not be used after the next was asked for.
     """
-    try:
-        with path.open("rb") if text is None else BytesIO(text) as file:
-            yield from _parts(path, file)
-    except etree.XMLSyntaxError as error:
-        reason = " ".join((error.msg or "not XML").split())
-        raise MapError(f"{path}:{error.lineno or 0}: not well-formed XML: {reason}") from None
-    except FileNotFoundError:
-        raise MapError(f"{path}: no such file") from None
-    except OSError as error:
-        raise MapError(f"{path}: cannot be read: {error.strerror}") from None
-    except ValueError as error:
-        raise MapError(f"{path}: not XML: {shortened(str(error))}") from None
+    with refusals_named(path, MapError), path.open("rb") if text is None else BytesIO(text) as file:
+        yield from _parts(path, file)
 
 
 def _parts(path: Path, file: IO[bytes]) -> Iterator[Element]:

@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,22 @@ Element = Any
 
 LARGEST_NUMBER = 1e10
 """World coordinates reach 1e7 m; far above, a value is a mistake and its powers overflow."""
+
+
+@contextmanager
+def refusals_named(path: Path, error_type: type[VsensorError]) -> Iterator[None]:
+    """Turn what file and parser say into one line of `error_type` that names the file."""
+    try:
+        yield
+    except etree.XMLSyntaxError as error:
+        reason = " ".join((error.msg or "not XML").split())
+        raise error_type(f"{path}:{error.lineno or 0}: not well-formed XML: {reason}") from None
+    except FileNotFoundError:
+        raise error_type(f"{path}: no such file") from None
+    except OSError as error:
+        raise error_type(f"{path}: cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        raise error_type(f"{path}: not XML: {shortened(str(error))}") from None
 
 
 class MapReader:
@@ -125,19 +142,9 @@ def read_root(
         remove_comments=True,
         remove_pis=True,
     )
-    try:
+    with refusals_named(path, error_type):
         content = path.read_bytes() if text is None else text
         tree: Any = etree.fromstring(content, parser).getroottree()
-    except etree.XMLSyntaxError as error:
-        line = error.lineno or 0
-        reason = " ".join((error.msg or "not XML").split())
-        raise error_type(f"{path}:{line}: not well-formed XML: {reason}") from None
-    except FileNotFoundError:
-        raise error_type(f"{path}: no such file") from None
-    except OSError as error:
-        raise error_type(f"{path}: cannot be read: {error.strerror}") from None
-    except ValueError as error:
-        raise error_type(f"{path}: not XML: {shortened(str(error))}") from None
     if tree.docinfo.internalDTD is not None:
         raise error_type(f"{path}:1: has a document type definition (DTD), which is refused")
     root = tree.getroot()
