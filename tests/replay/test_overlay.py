@@ -1,6 +1,8 @@
 """`vsensor replay --overlay`: a drive without a lane camera becomes one that an ECU steers by."""
 
 import json
+import multiprocessing
+import os
 import re
 import subprocess
 from math import sin
@@ -120,6 +122,17 @@ def test_a_process_of_its_own_computes_the_same_frames_also_after_a_rewind(folde
         desk.close()
     assert made[0] == made[1]
     assert made[0][1] == made[0][2]
+
+
+def test_a_process_that_computes_stands_back_when_told_to(folder):
+    synth = synth_of(load_scenario(str(folder / "lanes.toml")), lambda ids: read_log(folder / "drive.log"))
+    before = set(multiprocessing.active_children())
+    desk = Elsewhere(synth, nice=5)
+    (process,) = set(multiprocessing.active_children()) - before
+    desk.ask(Wish(0))
+    desk.answer()  # it has begun
+    assert os.getpriority(os.PRIO_PROCESS, process.pid) == os.getpriority(os.PRIO_PROCESS, 0) + 5
+    desk.close()
 
 
 def test_in_real_time_the_same_is_sent_as_without_waiting(folder):

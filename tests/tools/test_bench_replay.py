@@ -124,6 +124,14 @@ def test_what_is_too_late_too_slow_or_lost_is_called_missed(keys):
     assert f"{missed} of 23 targets missed" in page(bad)
 
 
+def test_a_real_time_player_is_judged_with_and_without_the_kernels_limit():
+    limited, free = copy.deepcopy(GOOD), copy.deepcopy(GOOD)
+    limited["vcan"]["steady"] |= {"realtime": one(38.0), "unthrottled": one()}
+    free["vcan"]["steady"] |= {"realtime": one(38.0), "unthrottled": one(38.0)}
+    assert "1 of 25 targets missed" in page(limited)
+    assert "2 of 25 targets missed" in page(free)
+
+
 def test_what_a_sensor_that_is_laid_over_costs_is_said():
     text = page(GOOD)
     for shown in ("0.250, 0.750 ms", "+0.5 ms, 12000 frames/s", "0.125, 0.500 ms", "0, 5 of 375"):

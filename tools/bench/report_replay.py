@@ -12,6 +12,7 @@ NAMES = {
     "python-can": "python-can's player",
     "ours": "vsensor replay",
     "realtime": "vsensor replay --realtime",
+    "unthrottled": "the same, kernel.sched_rt_runtime_us = -1",
     "bare": "bare loop, frames made before",
 }
 OTHERS = ("canplayer", "python-can")
@@ -26,7 +27,7 @@ def targets(found: Report) -> list[Row]:
     rows: list[Row] = []
     if "vcan" in found:
         rows += _beside_others(found["vcan"]["drive"]) + _throughput(found["vcan"]["without_waiting"])
-        for who in ("ours", "realtime"):
+        for who in [name for name in ("ours", "realtime", "unthrottled") if name in found["vcan"]["steady"]]:
             rows += _held(f"3000 frames/s, vcan, {NAMES[who]}", found["vcan"]["steady"][who])
     drive = found["schedule"]["drive"]["ours"]
     p99 = _at(drive, "beyond_queue", "p99")

@@ -1,6 +1,7 @@
 """`vsensor gateway`: two buses, a scenario's sensor in a process of its own, and the loop between them."""
 
 import contextlib
+import os
 import select
 import time
 from collections.abc import Callable
@@ -22,6 +23,9 @@ POLL_NS = 500_000
 """How long a bus that cannot say when a frame arrives is left alone."""
 START_UP_NS = 50_000_000
 WARM_IMAGES = 10
+STAND_BACK = 5
+"""Where there is one processor, frames go before images: beside other load their latency had a p50 of 28 ms,
+not 170, on the vcan of user-mode Linux."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +52,7 @@ def run_gateway(
         raise ConfigError(f"--in {options.near}, --out {options.far}: two different buses were expected")
     synth = synth_of(load_scenario(options.overlay))
     with contextlib.ExitStack() as stack:
-        desk = Elsewhere(synth)
+        desk = Elsewhere(synth, nice=STAND_BACK if len(os.sched_getaffinity(0)) == 1 else 0)
         stack.callback(desk.close)
         near = _opened(near_name, synth, say, stack)
         far = _opened(far_name, synth, say, stack)

@@ -8,6 +8,7 @@ is the rule; the simulated clock computes here. Both give the same frames.
 
 import contextlib
 import multiprocessing
+import os
 import select
 import signal
 from collections import deque
@@ -96,11 +97,11 @@ class Here:
 class Elsewhere:
     """Computes in a child process, which ends with its parent: its pipe is then closed."""
 
-    def __init__(self, synth: Synth) -> None:
-        """Fork; open buses after that, or the child holds them open."""
+    def __init__(self, synth: Synth, nice: int = 0) -> None:
+        """Fork; open buses after that, or the child holds them open. `nice`: how far it stands back."""
         context = multiprocessing.get_context("fork")
         self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(synth, theirs, self._pipe), daemon=True)
+        self._process = context.Process(target=_serve, args=(synth, theirs, self._pipe, nice), daemon=True)
         self._process.start()
         theirs.close()
         self._outstanding: deque[int] = deque()  # indices, in order; -1: taken back
@@ -171,9 +172,10 @@ class Elsewhere:
         return said
 
 
-def _serve(synth: Synth, pipe: Connection, theirs: Connection) -> None:
+def _serve(synth: Synth, pipe: Connection, theirs: Connection, nice: int) -> None:
     """Answer until the other end is closed."""
     theirs.close()
+    os.nice(nice)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends us
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     desk = Here(synth)
