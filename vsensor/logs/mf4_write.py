@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from vsensor.logs.blf import FD_DLC
 from vsensor.logs.mf4 import BITS
 from vsensor.logs.mf4_blocks import HEADER, ZIPPED
+from vsensor.logs.mf4_parts import block, channel, file_mark, text_bytes
 from vsensor.logs.output import BLOCK_BYTES, BlockFile
 from vsensor.logs.table import (
     BITRATE_SWITCH,
@@ -134,8 +135,8 @@ class Mf4Output:
         packed = zlib.compress(content, 1)
         body = ZIPPED.pack(b"DT", 0, 0, len(content), len(packed)) + packed
         zipped_at = self._file.size
-        zipped = _block("DZ", (), body)
-        listed = _block("DL", (0, zipped_at), struct.pack("<B3xLQ", 0, 1, group.written))
+        zipped = block("DZ", (), body)
+        listed = block("DL", (0, zipped_at), struct.pack("<B3xLQ", 0, 1, group.written))
         self._file.write(zipped + listed)
         group.waiting.clear()
         self._file.patch(group.list_at, struct.pack("<Q", zipped_at + len(zipped)))
@@ -155,11 +156,11 @@ class Mf4Output:
 
     def _begin(self) -> None:
         """Write identification, header and history; the times count from 1970 until there is a frame."""
-        mark = struct.pack("<8s8s8s4xH30xHH", b"MDF     ", b"4.11    ", b"vsensor ", 411, 0, 0)
-        header = _block("HD", (0,) * 6, struct.pack("<QhhBBBxdd", 0, 0, 0, 0, 0, 0, 0.0, 0.0))
+        mark = file_mark()
+        header = block("HD", (0,) * 6, struct.pack("<QhhBBBxdd", 0, 0, 0, 0, 0, 0, 0.0, 0.0))
         comment_at = len(mark) + len(header)
-        comment = _block("MD", (), _text(_TOOL))
-        history = _block("FH", (0, comment_at), struct.pack("<QhhB3x", 0, 0, 0, 0))
+        comment = block("MD", (), text_bytes(_TOOL))
+        history = block("FH", (0, comment_at), struct.pack("<QhhB3x", 0, 0, 0, 0))
         self._file.write(mark + header + comment + history)
         self._file.patch(64 + HEADER.size + 8, struct.pack("<Q", comment_at + len(comment)))
         self._next_dg_at = 64 + HEADER.size
@@ -185,45 +186,27 @@ class Mf4Output:
             parts.extend(block)
             return start + len(parts) - len(block)
 
-        can = put(_block("TX", (), _text("CAN")))
-        source = put(_block("SI", (can, can, 0), struct.pack("<BBB5x", 2, 2, 0)))  # bus, CAN
+        can = put(block("TX", (), text_bytes("CAN")))
+        source = put(block("SI", (can, can, 0), struct.pack("<BBB5x", 2, 2, 0)))  # bus, CAN
         below, at = 0, _ROW.size + width
         places = [("DataBytes", _BYTES, width)]
         places += [(name, _UNSIGNED, np.dtype(kind).itemsize) for name, kind in reversed(_FIELDS)]
         for name, data_type, size in places:
             at -= size
-            text = put(_block("TX", (), _text(f"{prefix}.{name}")))
-            below = put(_channel((below, 0, text), 0, data_type, at, 8 * size, _BUS_EVENT))
-        text = put(_block("TX", (), _text(prefix)))
-        frame = put(_channel((0, below, text, source), 0, _BYTES, 8, 8 * (at - 8 + width), _BUS_EVENT))
-        factor = put(_block("CC", (0,) * 4, struct.pack("<BBHHHdddd", 1, 0, 0, 0, 2, 0.0, 0.0, 0.0, 1e-9)))
-        text = put(_block("TX", (), _text("Timestamp")))
-        unit = put(_block("TX", (), _text("s")))
-        time = put(_channel((frame, 0, text, 0, factor, 0, unit), 2, _SIGNED, 0, 64, 0, sync=1))
-        label = put(_block("TX", (), _text(prefix)))
+            text = put(block("TX", (), text_bytes(f"{prefix}.{name}")))
+            below = put(channel((below, 0, text), 0, data_type, at, 8 * size, _BUS_EVENT))
+        text = put(block("TX", (), text_bytes(prefix)))
+        frame = put(channel((0, below, text, source), 0, _BYTES, 8, 8 * (at - 8 + width), _BUS_EVENT))
+        factor = put(block("CC", (0,) * 4, struct.pack("<BBHHHdddd", 1, 0, 0, 0, 2, 0.0, 0.0, 0.0, 1e-9)))
+        text = put(block("TX", (), text_bytes("Timestamp")))
+        unit = put(block("TX", (), text_bytes("s")))
+        time = put(channel((frame, 0, text, 0, factor, 0, unit), 2, _SIGNED, 0, 64, 0, sync=1))
+        label = put(block("TX", (), text_bytes(prefix)))
         counts = struct.pack("<QQHH4xLL", 0, 0, 2 | 4, ord("."), _ROW.size + width, 0)  # plain bus event
-        group = put(_block("CG", (0, time, label, source, 0, 0), counts))
-        lists = put(_block("HL", (0,), struct.pack("<HB5x", 0, 0)))
-        entry = put(_block("DG", (0, group, lists, 0), bytes(8)))
+        group = put(block("CG", (0, time, label, source, 0, 0), counts))
+        lists = put(block("HL", (0,), struct.pack("<HB5x", 0, 0)))
+        entry = put(block("DG", (0, group, lists, 0), bytes(8)))
         self._file.write(bytes(parts))
         self._file.patch(self._next_dg_at, struct.pack("<Q", entry))
         self._next_dg_at = entry + HEADER.size
         return _Group(width, group + HEADER.size + 8 * 6 + 8, lists + HEADER.size)
-
-
-def _block(kind: str, links: tuple[int, ...], data: bytes) -> bytes:
-    length = HEADER.size + 8 * len(links) + len(data)
-    block = HEADER.pack(b"##" + kind.encode(), length, len(links)) + struct.pack(f"<{len(links)}Q", *links)
-    return block + data + bytes(-length % 8)
-
-
-def _text(text: str) -> bytes:
-    return text.encode() + b"\0"
-
-
-def _channel(
-    links: tuple[int, ...], kind: int, data_type: int, byte: int, bits: int, flags: int, *, sync: int = 0
-) -> bytes:
-    """Return a CN block; links: next, below, name, source, conversion, data, unit, comment."""
-    head = struct.pack("<4B4LBBH6d", kind, sync, data_type, 0, byte, bits, flags, 0, 0, 0, 0, *[0.0] * 6)
-    return _block("CN", (*links, *[0] * (8 - len(links))), head)
