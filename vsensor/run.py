@@ -69,37 +69,21 @@ def run_scenario(
         control = _control(options, stack, say)
         keep_memory()
         warm_up(line, period_ns)
-        clock: Clock = SimulatedClock() if options.fast else MonotonicClock()
         sinks = _sinks(scenario, options, line, stack)
-        if bus is not None:
-            say(f"sending on {bus.name} {_rhythm(line)}, profile {line.profile.name}")
-            if bus.remark:
-                say(bus.remark)
+        _say_start(bus, line, say)
         too_late = [] if ticks is None else _never_happen(line.timeline, ticks * period_ns)
         for text in (*line.source.notes, *line.source.findings, *line.uneven(period_ns), *too_late):
             say(text)
-        advance = stack.enter_context(_progress(options, ticks, period_ns))
-        if options.realtime:
-            stack.enter_context(real_time_priority(say))
-        look_for_garbage = stack.enter_context(calm_collector())
-
-        def on_tick(ticks_done: int) -> None:
-            advance(ticks_done)
-            look_for_garbage(ticks_done)
-
-        start_ns = clock.now_ns() + START_UP_NS
-        _tell_start(sinks, epoch_offset_ns() + (MonotonicClock().now_ns() if options.fast else start_ns))
-        summary = run_loop(
+        summary = play_line(
             line,
-            clock,
+            options,
+            stack,
+            say,
+            stopped,
             period_ns=period_ns,
             ticks=ticks,
-            start_ns=start_ns,
             bus=bus,
             sinks=sinks,
-            stop=stopped,
-            on_tick=on_tick,
-            real_time=not options.fast,
             control=control,
         )
     if bus is not None:
@@ -113,6 +97,47 @@ def run_scenario(
     )
     summary.notes += [f"wrote {path}" for path in written if path]
     return summary
+
+
+def play_line(
+    line: Line,
+    options: RunOptions,
+    stack: contextlib.ExitStack,
+    say: Say,
+    stopped: Callable[[], bool] = lambda: False,
+    *,
+    period_ns: int,
+    ticks: int | None,
+    bus: FrameBus | None,
+    sinks: Sequence[Sink],
+    control: Control | None = None,
+) -> Summary:
+    """Run a line that is warmed up, by the clock, progress bar and priority that the options ask for."""
+    clock: Clock = SimulatedClock() if options.fast else MonotonicClock()
+    advance = stack.enter_context(_progress(options, ticks, period_ns))
+    if options.realtime:
+        stack.enter_context(real_time_priority(say))
+    look_for_garbage = stack.enter_context(calm_collector())
+
+    def on_tick(ticks_done: int) -> None:
+        advance(ticks_done)
+        look_for_garbage(ticks_done)
+
+    start_ns = clock.now_ns() + START_UP_NS
+    _tell_start(sinks, epoch_offset_ns() + (MonotonicClock().now_ns() if options.fast else start_ns))
+    return run_loop(
+        line,
+        clock,
+        period_ns=period_ns,
+        ticks=ticks,
+        start_ns=start_ns,
+        bus=bus,
+        sinks=sinks,
+        stop=stopped,
+        on_tick=on_tick,
+        real_time=not options.fast,
+        control=control,
+    )
 
 
 def with_profile(scenario: Scenario, options: RunOptions) -> Scenario:
@@ -153,6 +178,13 @@ def _control(options: RunOptions, stack: contextlib.ExitStack, say: Say) -> Cont
     server = stack.enter_context(ControlServer(parse_address(options.control)))
     say(f"control at {server.name}: one JSON object a line")
     return server
+
+
+def _say_start(bus: FrameBus | None, line: Line, say: Say) -> None:
+    if bus is not None:
+        say(f"sending on {bus.name} {_rhythm(line)}, profile {line.profile.name}")
+        if bus.remark:
+            say(bus.remark)
 
 
 def _rhythm(line: Line) -> str:

@@ -1,8 +1,8 @@
 """One tick: the truth, what is sensed of it, and the frames that leave."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 from vsensor import faults, latency
 from vsensor import sensor as sensing
@@ -25,6 +25,11 @@ from vsensor.types import (
     Snapshot,
     Tick,
 )
+
+Sense: TypeAlias = Callable[
+    [Sensor, sensing.SensorState, Snapshot, Tick, Lap], tuple[sensing.SensorState, sensing.Sensed]
+]
+"""What looks at the snapshot: `sensor.sense`, or what stands in its place."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +61,10 @@ class Computed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Line:
-    """Source, sensor and transmitter of a scenario, compiled; `timeline`: the faults that it plans."""
+    """Source, sensor and transmitter of a scenario, compiled; `timeline`: the faults that it plans.
+
+    `sense` makes the lines of a snapshot; everything after it is the same whoever made them.
+    """
 
     source: Source
     sensor: Sensor
@@ -65,6 +73,7 @@ class Line:
     transmitter: Transmitter
     latency_ns: int = 0
     timeline: tuple[Fault, ...] = ()
+    sense: Sense = sensing.sense
 
     @property
     def profile(self) -> Profile:
@@ -165,7 +174,7 @@ class Line:
         seen = snapshot
         if effects.is_covered:
             seen = replace(snapshot, scene=replace(snapshot.scene, markings=()))
-        sensor_state, sensed = sensing.sense(self.sensor, state.sensor, seen, tick, lap)
+        sensor_state, sensed = self.sense(self.sensor, state.sensor, seen, tick, lap)
         if state.up_since or effects.lines:
             estimate = replace(sensed.estimate, image_index=tick.index - state.up_since)
             sensed = replace(sensed, estimate=spoiled_lines(effects.lines, estimate))
