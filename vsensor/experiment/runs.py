@@ -4,8 +4,6 @@ Simulated time, without a bus or with an ECU of `experiment.ecu` on one; or real
 """
 
 import contextlib
-import os
-import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +14,6 @@ from msgspec import structs
 from vsensor.bus import open_bus
 from vsensor.clock import Clock, MonotonicClock, SimulatedClock
 from vsensor.config import Scenario
-from vsensor.errors import ConfigError
 from vsensor.experiment.conditions import ConditionSink, binned
 from vsensor.experiment.course import CourseSink, loop_figures, told
 from vsensor.experiment.ecu import bench
@@ -28,6 +25,7 @@ from vsensor.sinks import Sink
 from vsensor.sinks.log import LogSink
 from vsensor.sources.live import LiveDrive
 from vsensor.sources.profiles import profiles_of
+from vsensor.study.folder import own_folder
 from vsensor.study.scenario_cells import TraceInMemory, figures, scenario_of
 from vsensor.study.store import Result, cell_key
 from vsensor.types import Frame
@@ -69,7 +67,7 @@ class ExperimentCell:
     def __call__(self, cell: dict[str, Any]) -> Result:
         """Run the cell's scenario, score it, keep what is wanted; see `run`."""
         scenario = scenario_of(cell, self.folders[cell["entry"]], "experiment")
-        with _own_folder(self.out / run_name(cell), bool(cell["outputs"])) as folder:
+        with own_folder(self.out / run_name(cell), bool(cell["outputs"])) as folder:
             every = Every(images=cell["image_every"], truth=cell["truth_every"])
             return run(scenario, folder, cell["outputs"], every, cell["ecu"], self.bus)
 
@@ -209,22 +207,3 @@ def _kept(
         yield LogSink(folder / FILES["log"])
     if "images" in outputs:
         yield open_images(scenario, line, folder=folder / FILES["images"], every=every.images)
-
-
-@contextlib.contextmanager
-def _own_folder(folder: Path, is_wanted: bool) -> Iterator[Path]:
-    """Give an empty folder that takes its name when all in it is whole; the run before it goes."""
-    if not is_wanted:
-        yield folder
-        return
-    beside = folder.with_name(f".{folder.name}.{os.getpid()}.part")
-    try:
-        beside.mkdir(parents=True, exist_ok=True)
-        yield beside
-        if folder.exists():
-            shutil.rmtree(folder)
-        beside.replace(folder)
-    except OSError as error:
-        raise ConfigError(f"{folder}: cannot be written: {error.strerror or error}") from None
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
