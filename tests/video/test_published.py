@@ -81,5 +81,5 @@ def test_every_step_leaves_its_picture(tmp_path):
 
 
 def test_a_method_that_is_none_is_refused_by_name():
-    with pytest.raises(ConfigError, match="--method publisht: published"):
+    with pytest.raises(ConfigError, match="--method publisht: ours, published were"):
         open_method("publisht", Setup(camera=Camera.from_config(EOR)))

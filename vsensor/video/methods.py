@@ -45,7 +45,18 @@ def _published(setup: Setup) -> Method[Any]:
     return Published(setup.settings.published, setup.camera, setup.pictures, setup.show)
 
 
+def _ours(setup: Setup) -> Method[Any]:
+    from vsensor.video.ridge import Ridge
+
+    return Ridge(setup.settings.ours, setup.camera, setup.vehicle)
+
+
 METHODS = {
+    "ours": MethodKind(
+        maker=_ours,
+        has_lov=False,
+        about="paint looked for on the road, all lines fitted together, pitch from where they meet",
+    ),
     "published": MethodKind(
         maker=_published,
         has_lov=True,

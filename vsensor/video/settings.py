@@ -5,13 +5,15 @@ from pathlib import Path
 from vsensor.schema import Config, check_schema, convert, read_toml
 from vsensor.video.lov import LovConfig
 from vsensor.video.published.config import PublishedConfig
+from vsensor.video.ridge.config import RidgeConfig
 
 SCHEMA = "vsensor.video/1"
 
 
 class VideoConfig(Config, frozen=True, kw_only=True):
-    """`[published]`: P2's method; `[lov]`: what is done to its offsets afterwards."""
+    """`[ours]`: our method; `[published]`: P2's; `[lov]`: what is done to its offsets afterwards."""
 
+    ours: RidgeConfig = RidgeConfig()
     published: PublishedConfig = PublishedConfig()
     lov: LovConfig = LovConfig()
 

@@ -34,8 +34,8 @@ class Ground:
     `ahead_m` (K,) and `aside_m` (M,) from the camera's foot, in the ego frame's directions; `foot_m` is that
     foot there and `height_m` the camera's height. `u_px`, `v_px` (K, M) where each place is seen with the
     body level; `seen` (K, M) whether it is. `across_m`, `along_m` (K,) are what a pixel covers of the road.
-    `growth` is each row's distance over the one before. At `front_axle_m` ahead of the rear axle the offset of
-    a line is read.
+    `growth` is each row's distance over the one before. The offset of a line is read at `front_axle_m` ahead
+    of the rear axle.
     """
 
     ahead_m: Array

@@ -48,9 +48,7 @@ class Look:
 class Ridge:
     """Our own method, ready for one camera. Raises ConfigError for a camera that sees no road."""
 
-    def __init__(
-        self, config: RidgeConfig, camera: Camera, vehicle: VehicleConfig | None = None
-    ) -> None:
+    def __init__(self, config: RidgeConfig, camera: Camera, vehicle: VehicleConfig | None = None) -> None:
         self.config = config
         self.ground = Ground.of(config, camera, (vehicle or VehicleConfig()).wheelbase_m)
         self.stencils: tuple[Stencil, ...] = stencils(self.config, self.ground)
