@@ -18,7 +18,9 @@ import numpy as np
 import pytest
 
 from tests.vehicle_frames import Gateway
+from tests.video.boards import write_boards
 from tools.made_drives import drive_cells, made
+from vsensor.camera import CameraConfig
 from vsensor.cli import main
 from vsensor.config import SHIPPED, ScenarioConfig
 from vsensor.sinks.trace_file import COLUMNS, SCHEMA
@@ -92,6 +94,7 @@ def folder(tmp_path_factory):
         assert name, f"an xml block without its name:\n{block}"
         (path / name[1]).write_text(block, encoding="utf-8")
     make_logs(path)
+    write_boards(path / "boards", CameraConfig(width_px=320, height_px=240), count=5)
     return path
 
 
@@ -144,7 +147,7 @@ def ran(words):
 OFFERED = (
     *("run", "check", "decode", "convert", "log", "score", "accept", "sweep", "experiment", "replay"),
     *("gateway", "profile"),
-    *("scan", "table", "tune", "validate", "density", "influence", "road"),
+    *("scan", "table", "tune", "validate", "density", "influence", "road", "video"),
 )
 VSENSOR = [command for command in commands() if command.startswith("vsensor ")]
 MAKE = [command for command in commands() if command.startswith("make ")]
@@ -364,6 +367,7 @@ def test_the_codes_of_the_trace_are_those_of_the_program():
 
 def test_the_schemas_are_those_of_the_program():
     from vsensor.accept import SCHEMA as LIMITS
+    from vsensor.config import CAMERA_SCHEMA as CAMERA
     from vsensor.config import SCHEMA as SCENARIO
     from vsensor.error_model import SCHEMA as ERROR_MODEL
     from vsensor.experiment.matrix import SCHEMA as EXPERIMENT
@@ -375,7 +379,7 @@ def test_the_schemas_are_those_of_the_program():
     from vsensor.world.road import SCHEMA as ROAD
 
     said = {codes(row[1])[0] for row in table("| file | schema | what |")}
-    others = {LIMITS, SCAN, VALIDATE, TABLE, SCHEMA, POINTS, EXPERIMENT, ROAD}
+    others = {LIMITS, SCAN, VALIDATE, TABLE, SCHEMA, POINTS, EXPERIMENT, ROAD, CAMERA}
     assert said == {SCENARIO, PROFILE, ERROR_MODEL} | others
 
 
@@ -408,17 +412,23 @@ def test_the_score_in_readme_is_what_the_command_prints(results):
         assert near, f"README shows {line!r}; printed:\n" + "\n".join(printed)
 
 
-def test_the_commands_table_has_every_command_of_the_program(capsys):
+def offered_by(capsys, *command):
+    """Return the commands that `--help` lists."""
     with pytest.raises(SystemExit):
-        main(["--help"])
-    offered = re.findall(r"^    (\w+)(?:  |$)", capsys.readouterr().out, re.MULTILINE)
+        main([*command, "--help"])
+    return re.findall(r"^    (\w+)(?:  |$)", capsys.readouterr().out, re.MULTILINE)
+
+
+def test_the_commands_table_has_every_command_of_the_program(capsys):
+    offered = offered_by(capsys)
     said = [codes(row[0])[0].split()[1] for row in table("| command | what it does |")]
     assert said == offered
 
 
 def test_every_option_that_readme_names_is_one_of_the_program(capsys):
     offered = {"--seconds"}
-    for command in [*((one,) for one in OFFERED), ("profile", "new")]:
+    videos = [("video", sub) for sub in offered_by(capsys, "video")]
+    for command in [*((one,) for one in OFFERED), ("profile", "new"), *videos]:
         with pytest.raises(SystemExit):
             main([*command, "--help"])
         offered |= set(re.findall(r"--[a-z]+", capsys.readouterr().out))

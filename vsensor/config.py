@@ -34,6 +34,7 @@ from vsensor.world.road import is_road_file
 from vsensor.world.vehicle import DriverConfig, DynamicsConfig, lean_degpmps2
 
 SCHEMA = "vsensor.scenario/1"
+CAMERA_SCHEMA = "vsensor.camera/1"
 SHIPPED = Path(__file__).parent / "scenarios"
 DEFAULT_SCENARIO = "highway"
 SOURCE_SUFFIXES = (*MAP_SUFFIXES, *STORY_SUFFIXES, *LOG_SUFFIXES)
@@ -55,6 +56,7 @@ class ScenarioConfig(Config, frozen=True, kw_only=True):
 
     source: str
     name: str = ""
+    camera_file: str | None = None
     duration_s: Annotated[float, msgspec.Meta(gt=0, le=31_536_000)] | None = None
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] = 0
     cycle_ms: Annotated[int, msgspec.Meta(ge=5, le=1000)] = 40
@@ -112,6 +114,13 @@ class ScenarioConfig(Config, frozen=True, kw_only=True):
         )
 
 
+class CameraFileConfig(Config, frozen=True, kw_only=True):
+    """A camera file: what a calibration finds, and the vehicle that the camera is on."""
+
+    camera: CameraConfig
+    vehicle: VehicleConfig = VehicleConfig()
+
+
 class Scenario(msgspec.Struct, frozen=True, kw_only=True):
     """A scenario and the folder that its relative paths start from."""
 
@@ -143,9 +152,10 @@ def load_scenario(name_or_path: str | None = None, overrides: dict[str, Any] | N
     if _is_source(path):
         _require_file(path, str(path))
         data: dict[str, Any] = {"source": str(path.resolve())}
-        return Scenario(config=_parse(data, overrides, str(path)), folder=Path(), path=None)
+        return Scenario(config=_parse(data, overrides, str(path), Path()), folder=Path(), path=None)
     data = check_schema(read_toml(path), SCHEMA, str(path))
-    scenario = Scenario(config=_parse(data, overrides, str(path)), folder=path.parent, path=path)
+    config = _parse(data, overrides, str(path), path.parent)
+    scenario = Scenario(config=config, folder=path.parent, path=path)
     _check_source(scenario, path)
     return scenario
 
@@ -171,13 +181,35 @@ def _find(name_or_path: str) -> Path:
     return shipped
 
 
-def _parse(data: dict[str, Any], overrides: dict[str, Any] | None, where: str) -> ScenarioConfig:
-    """Convert with `overrides` put over the file's keys, key by key where both hold a table."""
-    merged = dict(data)
-    for key, value in (overrides or {}).items():
-        below = merged.get(key)
-        merged[key] = {**below, **value} if isinstance(value, dict) and isinstance(below, dict) else value
+def read_camera_file(path: Path) -> CameraFileConfig:
+    """Read a camera file, or the camera and vehicle of a scenario file; raises ConfigError."""
+    data = read_toml(path)
+    if str(data.get("schema")).partition("/")[0] != SCHEMA.partition("/")[0]:
+        return convert(check_schema(data, CAMERA_SCHEMA, str(path)), CameraFileConfig, str(path))
+    config = _parse(check_schema(data, SCHEMA, str(path)), None, str(path), path.parent)
+    return CameraFileConfig(camera=config.camera, vehicle=config.vehicle)
+
+
+def _parse(
+    data: dict[str, Any], overrides: dict[str, Any] | None, where: str, folder: Path
+) -> ScenarioConfig:
+    """Convert with `overrides` put over the file's keys, and these over those of its camera file."""
+    merged = _over(data, overrides or {})
+    if isinstance(name := merged.get("camera_file"), str):
+        path = folder / user_path(name)
+        camera = check_schema(read_toml(path), CAMERA_SCHEMA, str(path))
+        convert(camera, CameraFileConfig, str(path))
+        merged = _over(camera, merged)
     return convert(merged, ScenarioConfig, where)
+
+
+def _over(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    """Put keys over others, key by key where both hold a table."""
+    merged = dict(below)
+    for key, value in above.items():
+        under = merged.get(key)
+        merged[key] = {**under, **value} if isinstance(value, dict) and isinstance(under, dict) else value
+    return merged
 
 
 def _check_source(scenario: Scenario, path: Path) -> None:

@@ -28,6 +28,10 @@ class TableError(VsensorError):
     """A table of recorded drives cannot be used or written: names the file and the reason."""
 
 
+class VideoError(VsensorError):
+    """A video or image cannot be used: names the file, the picture and the reason."""
+
+
 class DbcError(VsensorError):
     """A bus description cannot be used: names the file, the message, the signal."""
 

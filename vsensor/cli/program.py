@@ -9,7 +9,18 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import NoReturn
 
-from vsensor.cli import examining, experiments, learning, logs, playing, profiles, roads, scanning, scenarios
+from vsensor.cli import (
+    examining,
+    experiments,
+    learning,
+    logs,
+    playing,
+    profiles,
+    roads,
+    scanning,
+    scenarios,
+    video,
+)
 from vsensor.errors import VsensorError
 
 COMMANDS = (
@@ -32,6 +43,7 @@ COMMANDS = (
     examining.add_influence,
     roads.add_road,
     profiles.add_profile,
+    video.add_video,
 )
 """Each adds one command; the order is that of --help."""
 

@@ -1,5 +1,6 @@
 """The image of a snapshot: road and sky, paint, vehicles from far to near, then lens and sensor."""
 
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -76,7 +77,8 @@ def render(camera: Camera, config: ImageConfig, snapshot: Snapshot, draws: Draws
 
 
 def import_opencv(purpose: str) -> Any:
-    """Return cv2, or raise MissingExtraError."""
+    """Return cv2, or raise MissingExtraError. Its FFmpeg keeps quiet: what is wrong is said in our words."""
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # read once, when it first opens a video
     try:
         import cv2
     except ImportError:

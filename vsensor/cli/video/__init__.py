@@ -1,0 +1,28 @@
+"""`vsensor video SUB`: a front video as lane offsets. A module for each SUB; a new one goes into SUBS."""
+
+import argparse
+
+from vsensor.cli.adding import Commands
+from vsensor.cli.video import calibrate
+
+VIDEO_HELP = """\
+Lane offset from a front video: the camera found, offsets read, compared with CAN.
+
+  vsensor video calibrate boards/*.jpg --board 9x6 --out camera.toml       the lens, from chessboards
+"""
+
+SUBS = (calibrate.add_calibrate,)
+"""Each adds one subcommand; the order is that of --help."""
+
+
+def add_video(commands: Commands) -> None:
+    """Add `vsensor video`."""
+    added = commands.add_parser(
+        "video",
+        help=VIDEO_HELP.split("\n", 1)[0],
+        description=VIDEO_HELP,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    subs = added.add_subparsers(required=True, metavar="SUB")
+    for add in SUBS:
+        add(subs)
