@@ -3,7 +3,6 @@
 import contextlib
 import os
 import re
-import resource
 import shutil
 import signal
 import subprocess
@@ -15,6 +14,7 @@ import can
 import numpy as np
 import pytest
 
+from tests.full_disk import no_file_longer_than
 from tests.shared import SHARED_DATA, needs_shared
 from tests.vehicle_frames import Gateway
 from vsensor.cli import main
@@ -477,17 +477,6 @@ def test_a_slip_in_one_output_leaves_older_files_alone(capsys, tmp_path, wrong):
     assert wrong[1] in err.splitlines()[-1]
     assert {file.read_bytes() for file in outputs.values()} == {b"older"}
     assert sorted(file.name for file in tmp_path.iterdir()) == ["out.log", "out.npz", "out.png"]
-
-
-@contextlib.contextmanager
-def no_file_longer_than(size):
-    """What a full disk does, without one: writing beyond `size` bytes fails."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 @pytest.mark.parametrize(

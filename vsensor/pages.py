@@ -2,6 +2,7 @@
 
 import base64
 import io
+import os
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +58,25 @@ def density(axes: Any, x: Any, y: Any, counts: Any, label: str) -> None:
         norm = LogNorm(vmin=least, vmax=max(most, least * 1.001))
         mesh = axes.pcolormesh(x, y, shown, cmap=DENSITY, norm=norm)
         axes.figure.colorbar(mesh, ax=axes, label=label)
+
+
+def require_place(path: Path) -> None:
+    """Refuse a file that could not be written, before the work that it is for; raises ConfigError."""
+    if path.is_dir():
+        raise ConfigError(f"{path}: cannot be written: is a folder")
+    if not path.parent.is_dir():
+        raise ConfigError(f"{path}: cannot be written: there is no folder {path.parent}")
+    if not os.access(path.parent, os.W_OK):
+        raise ConfigError(f"{path}: cannot be written: {path.parent} may not be changed")
+
+
+def require_pictures(folder: Path, purpose: str) -> None:
+    """Make a folder for pictures, before the work that they show.
+
+    Raises MissingExtraError without matplotlib, ConfigError.
+    """
+    new_figure(purpose=purpose)
+    require_folder(folder)
 
 
 def require_folder(path: Path) -> None:

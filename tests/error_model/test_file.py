@@ -117,6 +117,17 @@ def test_what_could_not_be_read_back_is_not_written(tmp_path):
     assert (tmp_path / "m.npz").read_bytes() == before
 
 
+def test_ctrl_c_while_a_file_is_written_leaves_nothing_beside_it(tmp_path, monkeypatch):
+    def pressed(file, **content):
+        file.write(b"half")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("numpy.savez_compressed", pressed)
+    with pytest.raises(KeyboardInterrupt):
+        save_library(two_models(), tmp_path / "m.npz")
+    assert list(tmp_path.iterdir()) == []
+
+
 # --- files of schema 1 --------------------------------------------------------------------------------
 
 

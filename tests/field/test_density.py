@@ -1,6 +1,7 @@
 """Density, thin cells with the drives that fill them, and what the error depends on."""
 
 import csv
+import sys
 
 import numpy as np
 import pytest
@@ -88,6 +89,25 @@ def test_the_command_writes_arrays_tables_and_pictures(folder, tmp_path, capsys)
         assert sum(int(cell["rows"]) for cell in cells) == arrays["rows"].sum()
         assert arrays["share"].sum() == pytest.approx(1.0)
     assert "drives that have most of it" in capsys.readouterr().out
+
+
+def test_without_matplotlib_density_says_so_before_it_counts(folder, tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    monkeypatch.setattr("vsensor.field.density.density_of", None)  # nobody gets so far
+    assert main(["density", str(folder), "--out", str(tmp_path / "d"), "--quiet"]) == 2
+    told = capsys.readouterr().err
+    assert "--no-pictures" in told
+    assert "pip install 'vsensor[plots]'" in told
+
+
+def test_a_stretch_whose_speed_is_unknown_for_a_moment_has_its_speeds(found, tmp_path):
+    columns = columns_of(np.random.default_rng(7), LAW, 30.0, low=33.0, high=33.0)
+    since_s = (columns["t_ns"] - columns["t_ns"][0]) / 1e9
+    columns["speed_mps"] = np.where((since_s > 10.0) & (since_s < 11.0), np.nan, columns["speed_mps"])
+    write_log(tmp_path, "other", columns)
+    thin = [one for one in thin_cells(found, 1e4) if one.speed_mps == 33.0]
+    (stretch,) = filling_drives(open_table([tmp_path]), thin, 1.0)
+    assert (stretch.speed_low_mps, stretch.speed_high_mps) == pytest.approx((33.0, 33.0), abs=0.1)
 
 
 # --- influence --------------------------------------------------------------------------------------------

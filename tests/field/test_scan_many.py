@@ -232,6 +232,13 @@ def test_a_reference_that_is_no_map_is_refused(capsys):
     assert "an OpenDRIVE map (.xodr) was expected" in capsys.readouterr().err
 
 
+def test_without_matplotlib_plots_are_refused_before_the_first_log(logs, tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    assert main(["scan", str(logs / "one.blf"), "--out", str(tmp_path / "table"), "--plots"]) == 2
+    assert "pip install 'vsensor[plots]'" in capsys.readouterr().err
+    assert not (tmp_path / "table").exists()
+
+
 def test_without_polars_one_line_says_how_it_is_installed(logs, tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "polars", None)
     assert main(["scan", str(logs / "one.blf"), "--out", str(tmp_path / "table")]) == 2

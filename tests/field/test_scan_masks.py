@@ -143,6 +143,20 @@ def test_a_clock_that_jumps_back_is_counted_on_and_nothing_is_compared_across_th
     assert used(rows)["error_m"].abs().max() < 2 * ROUNDING_M
 
 
+def test_a_clock_that_jumps_ahead_by_years_is_counted_on_likewise(tmp_path):
+    frames = Drive(road=LONG, seconds=12).frames()
+    with open_log_writer(tmp_path / "drive.blf") as writer:
+        for frame in frames:
+            writer.write(frame, 0 if frame.due_ns < 6_000_000_000 else 1_700_000_000 * 10**9)
+    rows, info = _scan(tmp_path)
+    assert "jumps ahead 1 times, first by 1700000000.0" in " ".join(info["notes"])
+    assert "at 5.988 s" in " ".join(info["notes"])
+    assert rows["t_ns"].is_sorted()
+    assert masks(rows, at(6.1, 7.9)) == {"reset"}
+    assert info["seconds"] == pytest.approx(12.0, abs=0.1)
+    assert used(rows)["error_m"].abs().max() < 2 * ROUNDING_M
+
+
 def test_a_silence_of_the_vehicle_is_told_and_left_out(tmp_path):
     frames = Drive(road=LONG, seconds=14).frames()
     with open_log_writer(tmp_path / "drive.blf") as writer:

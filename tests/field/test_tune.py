@@ -1,6 +1,7 @@
 """Tuning finds drawn laws again: surfaces, intervals, correlation, reach, losses, conditions; and refuses."""
 
 import dataclasses
+import sys
 
 import numpy as np
 import pytest
@@ -273,6 +274,25 @@ def test_an_error_within_a_log_is_told_and_no_model_is_written(folder, tmp_path,
     assert "drive_2.parquet" in told
     assert told.count("\n") == 1
     assert not list(tmp_path.glob("*model*"))
+
+
+def test_a_place_where_no_model_or_picture_can_be_is_refused_before_the_work(
+    folder, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr("vsensor.field.tune.tune_table", None)  # nobody gets so far
+    model = str(tmp_path / "m.npz")
+    (tmp_path / "file").write_text("")
+    cases = [
+        (["--out", str(tmp_path / "nowhere" / "m.npz")], "there is no folder"),
+        (["--out", str(tmp_path)], "is a folder"),
+        (["--out", model, "--plots", str(tmp_path / "file")], "file: cannot be made"),
+    ]
+    for words, expected in cases:
+        assert main(["tune", str(folder), *words, "--quiet"]) == 2
+        assert expected in capsys.readouterr().err
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    assert main(["tune", str(folder), "--out", model, "--plots", str(tmp_path / "p"), "--quiet"]) == 2
+    assert "pip install 'vsensor[plots]'" in capsys.readouterr().err
 
 
 def test_the_command_writes_a_model_and_pages_and_says_what_it_found(folder, tmp_path, capsys):

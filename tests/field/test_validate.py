@@ -94,6 +94,10 @@ def test_the_law_itself_is_within_the_limits(own):
         ({"signed_m": law_model().signed_m + 0.02}, ["evenness of the errors' places"]),
         ({"correlation_time_s": 0.4, "applied_time_s": 0.4}, ["correlation time"]),
         ({"lost_dwell_s": 3.0 * law_model().lost_dwell_s}, ["how long a line stays lost"]),
+        (
+            dict.fromkeys(("dwell_levels", "lost_dwell_s", "seen_dwell_s"), np.zeros(0)),
+            ["how long a line stays lost"],
+        ),
         ({"blind": law_model().blind | (SPEEDS > 20.0)[None]}, ["rows that the model does not know"]),
     ],
 )
@@ -199,8 +203,10 @@ def test_uneven_steps_in_time_are_each_their_own():
 def test_a_good_model_ends_with_0_and_its_page_may_be_a_pdf(held, tmp_path, capsys):
     save_library(library_of(law_model(), "made"), tmp_path / "good.npz")
     words = ["validate", str(tmp_path / "good.npz"), str(held.files[0].path.parent)]
-    assert main([*words, "--out", str(tmp_path / "good.pdf"), "--quiet"]) == 0
+    words += ["--out", str(tmp_path / "good.pdf"), "--json", str(tmp_path / "good.json"), "--quiet"]
+    assert main(words) == 0
     assert "within limits" in capsys.readouterr().out
+    assert [one["model"] for one in json.loads((tmp_path / "good.json").read_text())["models"]] == ["all"]
     assert (tmp_path / "good.pdf").read_bytes().startswith(b"%PDF")
 
 
@@ -240,8 +246,8 @@ def test_what_cannot_be_judged_is_refused(held, tmp_path):
 
 def test_the_verdict_can_be_read_by_programs(own):
     found = json.loads(json.dumps(as_json(own.judged)))
-    assert found[0]["good"] is True
-    assert {"what", "off", "chance", "limit", "good", "shown"} == set(found[0]["checks"][0])
+    assert found["good"] is True
+    assert {"what", "off", "chance", "limit", "good", "shown"} == set(found["models"][0]["checks"][0])
 
 
 def test_the_order_of_logs_changes_no_verdict(held, own, tmp_path):

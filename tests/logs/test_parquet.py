@@ -54,6 +54,18 @@ def test_by_a_profile_the_table_is_that_of_decode(lanes, tmp_path):
         np.testing.assert_array_equal(found[name].fill_null(np.nan).to_numpy(), values)
 
 
+def test_by_a_profile_a_log_without_times_gets_them_from_the_rate(lanes, tmp_path):
+    bare, out = tmp_path / "bare.log", tmp_path / "x.parquet"
+    log = read_log(lanes)
+    rows = zip(log.arbitration_id.tolist(), log.data, log.length, strict=True)
+    bare.write_text("".join(f"can0 {number:03X}#{data[:n].tobytes().hex()}\n" for number, data, n in rows))
+    assert main(["convert", str(bare), str(out), "--profile", "native", "--rate", "13000"]) == 0
+    found, expected = polars.read_parquet(out), decode_log(lanes, [load_profile("native")])
+    assert found["t_ns"].max() == pytest.approx((len(log) - 13) * 1e9 / 13000, abs=2e9 / 13000)
+    index = found["image.index"].drop_nulls().unique().to_list()
+    assert sorted(index) == sorted(np.unique(expected.columns["image.index"]).tolist())
+
+
 def test_frames_that_the_database_does_not_describe_are_counted(tmp_path, lanes):
     log = read_log(lanes)
     (tmp_path / "x.log").write_text(

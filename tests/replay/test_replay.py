@@ -11,6 +11,7 @@ import pytest
 from tests.accept.streams import found
 from tests.bus_frames import content
 from tests.ecu.streams import stream, write
+from tests.full_disk import no_file_longer_than
 from tests.replay.playing import write_log
 from tests.shared import SHARED_DATA, needs_shared
 from vsensor.bus import open_bus
@@ -203,6 +204,28 @@ def test_a_full_disk_ends_it_in_one_line(tmp_path, capsys):
     assert "full.log: cannot be written: No space left" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("suffix", ["log", "asc", "blf", "mf4"])
+def test_what_was_sent_before_the_disk_was_full_can_be_read(tmp_path, capsys, suffix):
+    path = write_log(tmp_path / "a.log", range(20_000), ids=[k % 0x700 for k in range(20_000)])
+    out = tmp_path / f"out.{suffix}"
+    with open_bus("virtual:full", echo=False) as bus, no_file_longer_than(30_000):
+        assert replay(path, "--bus", "virtual:full", "--log", out) == 2
+        sent = [frame.arbitration_id for frame in bus.drain()]
+    assert f"out.{suffix}: cannot be written: File too large" in capsys.readouterr().err
+    kept = read_log(out).arbitration_id.tolist()
+    assert 300 < len(kept) <= len(sent)
+    assert kept == sent[: len(kept)] == [k % 0x700 for k in range(len(kept))]
+
+
+def test_a_channel_that_turns_up_late_has_its_name_in_the_recording(tmp_path, monkeypatch):
+    monkeypatch.setattr("vsensor.replay.reading.SURVEY", 4)
+    names = ["body"] * 300 + ["chassis"] * 2
+    lines = [f"({k / 1000:.3f}) {name} {k:03X}#" for k, name in enumerate(names)]
+    (tmp_path / "a.log").write_text("".join(line + "\n" for line in lines))
+    assert replay(tmp_path / "a.log", "--log", tmp_path / "b.log") == 0
+    assert read_log(tmp_path / "b.log").channel_names == ("body", "chassis")
+
+
 def test_the_log_that_is_played_is_not_written_over(log):
     before = log.read_bytes()
     assert replay(log, "--log", log) == 2
@@ -256,7 +279,43 @@ def test_a_replay_that_waits_in_vain_sends_nothing(log):
         other.send(Frame(due_ns=0, arbitration_id=0x321, data=b""))  # the id in 11 bits is another
         report = replay_log(options, lambda text: None, lambda: next(calls, None) is None)
         assert heard(other) == [[0x321]]
-    assert report.frames_sent == 0
+    assert (report.frames_sent, report.interrupted) == (0, True)
+
+
+def test_the_key_q_ends_a_replay_that_waits(log):
+    typed = iter([[], [" "], ["q"]])
+    options = ReplayOptions(path=log, bus="virtual:q", wait_for="0x321")
+    report = replay_log(options, lambda text: None, keys=lambda: next(typed))
+    assert (report.frames_sent, report.interrupted) == (0, False)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ({}, "no frame for 60 s from 0.010 s of the log on; --max-gap S cuts such gaps"),
+        ({"include": ("0x002",)}, "the first frame leaves in 60 s"),
+        ({"speed": "0.1", "start": "0.01"}, "no frame for 600 s from 0.000 s of the log on; --max-gap S"),
+    ],
+)
+def test_who_waits_long_for_a_frame_is_told_once_for_how_long(tmp_path, words, said):
+    path = write_log(tmp_path / "gap.log", [0, 10, 60_010])
+    told, asked = [], []
+
+    def stopped():
+        asked.append(1)
+        return len(asked) > 12
+
+    replay_log(ReplayOptions(path=path, bus="virtual:gap", **words), told.append, stopped)
+    assert [line for line in told if "frame" in line] == [line for line in told if said in line]
+    assert sum(said in line for line in told) == 1
+
+
+def test_a_clock_that_jumps_ahead_by_years_is_told_in_days(tmp_path):
+    path = write_log(tmp_path / "gap.log", [0, 10, 1_700_000_000_000])
+    told = []
+    stopped = iter([False] * 10 + [True] * 10)
+    replay_log(ReplayOptions(path=path, bus="virtual:far"), told.append, lambda: next(stopped))
+    assert any(line.startswith("no frame for 19676 days from 0.010 s") for line in told)
 
 
 def test_a_replay_begins_at_the_time_it_is_told(log, tmp_path):

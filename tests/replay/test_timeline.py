@@ -81,6 +81,13 @@ def test_at_a_speed_the_time_is_divided_and_no_error_adds_up(speed):
     assert due.tolist() == [int(199 * 1_000_003 / Fraction(speed))]
 
 
+@pytest.mark.parametrize("log_s", [10**8, 2 * 10**9])
+def test_at_a_speed_of_three_decimals_years_of_log_time_are_divided_right(log_s):
+    pace = Pace(speed=Fraction(33337, 1000))
+    _, due = paced(pace, Place(at_ns=T0), array(T0, T0 + log_s * 10**9 + 7))
+    assert due.tolist() == [0, (log_s * 10**9 + 7) * 1000 // 33337]
+
+
 def test_a_longer_gap_is_cut_and_a_shorter_one_is_not():
     pace = Pace(max_gap_ns=100)
     place, due = paced(pace, Place(at_ns=0), array(0, 50, 150, 1000, 1001))

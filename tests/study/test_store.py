@@ -1,7 +1,10 @@
+from pathlib import Path
+
 import pytest
 
 from vsensor.errors import ConfigError
 from vsensor.study.store import Store, cell_key, decoded, encoded
+from vsensor.study.table import replace_file
 
 
 def test_the_key_does_not_depend_on_the_order_of_the_settings():
@@ -42,3 +45,16 @@ def test_a_folder_that_cannot_be_is_named(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(ConfigError, match=r"file/cells: cannot be made"):
         Store(tmp_path / "file" / "cells")
+
+
+def test_of_a_file_for_which_the_disk_is_full_nothing_is_left_and_the_one_before_stays(tmp_path, monkeypatch):
+    def full(path, content):
+        path.open("wb").close()
+        raise OSError(28, "No space left on device")
+
+    replace_file(tmp_path / "x.csv", b"before")
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(ConfigError, match=r"x\.csv: cannot be written: No space left"):
+        replace_file(tmp_path / "x.csv", b"after")
+    assert [path.name for path in tmp_path.iterdir()] == ["x.csv"]
+    assert (tmp_path / "x.csv").read_bytes() == b"before"

@@ -4,6 +4,7 @@ Entries `schema`, `source`, `rule`, and for each model `NAME/KEY` with every KEY
 schema 1 hold one model with a normal law and are read as that.
 """
 
+import contextlib
 import os
 import re
 import zipfile
@@ -55,8 +56,10 @@ def save_library(library: ErrorLibrary, path: Path) -> None:
             np.savez_compressed(file, **content)
         os.replace(beside, path)
     except OSError as error:
-        beside.unlink(missing_ok=True)
         raise ConfigError(f"{path}: cannot be written: {error.strerror or error}") from None
+    finally:
+        with contextlib.suppress(OSError):  # of a disk that is full, or Ctrl-C, nothing stays
+            beside.unlink(missing_ok=True)
 
 
 def load_library(path: Path) -> ErrorLibrary:

@@ -24,6 +24,8 @@ from vsensor.world.dead_reckoning import (
 
 BACK_NS = 50_000_000
 """Frames of several channels come out of order by less; a longer step back is a clock that was set."""
+AHEAD_NS = 86_400 * NANOSECONDS_PER_SECOND
+"""So is a longer step ahead: a recorder that began in 1970. A shorter one may be a pause of a recording."""
 SHARE_S = 1.0
 DITHERED_STEPS = 0.3
 """Noise of 0.3 steps makes the mean of a rounded signal right to 5 % of a step."""
@@ -55,21 +57,25 @@ class Motion:
 
 
 def with_steady_clock(table: LogTable) -> tuple[LogTable, IntArray, tuple[str, ...]]:
-    """Return the log with a clock that never jumps back, the times at which it did, and sentences."""
+    """Return the log with a clock that never jumps, the times at which it did, and sentences."""
     steps = np.diff(table.t_ns)
-    jumps = np.flatnonzero(steps < -BACK_NS)
+    jumps = np.flatnonzero((steps < -BACK_NS) | (steps > AHEAD_NS))
     if not len(jumps):
         return table, np.empty(0, dtype=np.int64), ()
     shift = np.zeros(len(table.t_ns), dtype=np.int64)
     shift[jumps + 1] = -steps[jumps]
     t_ns = table.t_ns + np.cumsum(shift)
-    first = jumps[0]
-    at_s = (int(table.t_ns[first]) - table.report.first_ns) / NANOSECONDS_PER_SECOND
-    back_s = -int(steps[first]) / NANOSECONDS_PER_SECOND
-    note = (
-        f"the log's clock jumps back {len(jumps)} times, first by {back_s:.3f} s at {at_s:.3f} s: counted on"
-    )
-    return replace(table, t_ns=t_ns), t_ns[jumps + 1], (note,)
+    begun_ns = int(table.t_ns[0])
+    notes = []
+    for word, some in (("back", jumps[steps[jumps] < 0]), ("ahead", jumps[steps[jumps] > 0])):
+        if len(some):
+            by_s = abs(int(steps[some[0]])) / NANOSECONDS_PER_SECOND
+            at_s = (int(t_ns[some[0]]) - begun_ns) / NANOSECONDS_PER_SECOND
+            notes.append(
+                f"the log's clock jumps {word} {len(some)} times, first by {by_s:.3f} s at {at_s:.3f} s: "
+                "counted on"
+            )
+    return replace(table, t_ns=t_ns), t_ns[jumps + 1], tuple(notes)
 
 
 def motion_of(

@@ -13,6 +13,7 @@ from vsensor.field.config import load_scan_limits
 from vsensor.field.scan import ScanOptions, scan_log
 from vsensor.field.table import Info, need_polars
 from vsensor.logs import READERS, log_format
+from vsensor.pages import new_figure
 from vsensor.profile import load_profiles
 from vsensor.study import Store, cell_key, run_cells
 from vsensor.study.digest import program_digest, referenced_files
@@ -95,6 +96,8 @@ def _checked(options: ScanOptions) -> ScanOptions:
     """Return the options with absolute paths; raises what is wrong with any of the files."""
     load_scan_limits(None if options.limits is None else Path(options.limits))
     load_profiles(options.profiles, None if options.dbc is None else Path(options.dbc))
+    if options.plots is not None:
+        new_figure(purpose="--plots")
     if options.reference != "gta" and not Path(options.reference).exists():
         raise ConfigError(
             f"--reference {options.reference}: no such file; gta, a map (.xodr) or a line "

@@ -5,11 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from vsensor.errors import MissingExtraError, TableError
+from vsensor.errors import TableError
 from vsensor.field.masks import CODE
 from vsensor.field.rows import Work, block_of, yaw_rate_radps
 from vsensor.field.table import Info, Masked
 from vsensor.logs.convert import Replacing
+from vsensor.pages import new_figure
 from vsensor.types import SIDE_NAMES, Array, BoolArray, Side
 
 PLOTTED = 1500
@@ -20,11 +21,7 @@ COLOURS = {Side.LEFT: "#0072B2", Side.RIGHT: "#D55E00", Side.NEXT_LEFT: "#56B4E9
 
 def draw_log(path: Path, work: Work, info: Info) -> None:
     """Draw a log's page as the suffix says (.png, .pdf, .svg); raises MissingExtraError, TableError."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise MissingExtraError("matplotlib", "plots", "--plots") from None
-    figure = Figure(figsize=(11.7, 8.3), dpi=110, layout="constrained")
+    figure = new_figure(11.7, 8.3, purpose="--plots")
     panels = figure.subplot_mosaic(
         [["path", "path", "width"], ["path", "path", "range"], ["error_0", "error_1", "masked"]]
     )

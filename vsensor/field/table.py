@@ -71,7 +71,7 @@ COLUMNS: Mapping[str, str] = {
 class LogFile:
     """One file of a table. `info` has log, source, profile, reference, rows, seconds, masked, widths, ranges.
 
-    See `scan.Summary` for what each is; a file of another origin has at least `log`.
+    `vsensor.field.scan` writes them; a file of another origin has `log` at most.
     """
 
     path: Path
@@ -118,7 +118,7 @@ def write_table(path: Path, log: str, parts: Iterable[Rows], info: Info) -> int:
     """Write one log's file from runs of rows; returns how many rows. The file appears when it is whole.
 
     `info` is read when the last run has been written, so what is counted on the way can stand in it.
-    Raises LogError where it cannot be written, and whatever `parts` raises.
+    Raises TableError where it cannot be written, and VsensorErrors of `parts`.
     """
     polars = need_polars()
     from polars.io.plugins import register_io_source

@@ -89,8 +89,8 @@ def _stretches(file: LogFile, worth: Array, step_mps: float) -> Iterator[Stretch
             log=file.log,
             from_s=float(t_ns[start] - t_ns[0]) / 1e9,
             to_s=float(t_ns[stop - 1] - t_ns[0]) / 1e9,
-            speed_low_mps=float(speed[part].min()),
-            speed_high_mps=float(speed[part].max()),
+            speed_low_mps=float(np.nanmin(speed[part])),
+            speed_high_mps=float(np.nanmax(speed[part])),
             fills_s=float((value[part] * long[part]).sum()),
         )
 

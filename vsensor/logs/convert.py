@@ -12,7 +12,7 @@ from vsensor.errors import LogError
 from vsensor.logs.chunks import iter_chunks
 from vsensor.logs.holding import DISORDER, FORMATS, Sieve
 from vsensor.logs.report import Notes
-from vsensor.logs.table import Columns, joined
+from vsensor.logs.table import Columns, LogTable, joined, table_from
 from vsensor.logs.write import LogWriter, open_output, output_format
 
 Progress = Callable[[int], None]
@@ -112,6 +112,13 @@ def read_through(
     except LogError:
         if not frames:
             raise
+
+
+def table_through(source: Path, rate_hz: float | None = None, progress: Progress | None = None) -> LogTable:
+    """Return a whole log in memory, up to its end or a fault; raises LogError if it holds no frame."""
+    notes = Notes()
+    columns = joined(list(read_through(source, notes, rate_hz, progress)))
+    return table_from(str(source), columns, notes)
 
 
 def _copy(chunks: Iterator[Columns], writer: LogWriter, sieve: Sieve, notes: Notes, *, lossy: bool) -> int:

@@ -11,11 +11,11 @@ import numpy as np
 from vsensor.codec import Database
 from vsensor.errors import LogError
 from vsensor.logs.checksums import FoundChecksum, find_checksum
-from vsensor.logs.convert import Progress, Replacing, read_through
+from vsensor.logs.convert import Progress, Replacing, table_through
 from vsensor.logs.counters import FoundCounter, find_counters
 from vsensor.logs.load import bits_of
-from vsensor.logs.report import LogReport, Notes
-from vsensor.logs.table import ERROR, EXTENDED, FD, REMOTE, Columns, joined, table_from
+from vsensor.logs.report import LogReport
+from vsensor.logs.table import ERROR, EXTENDED, FD, REMOTE, Columns
 from vsensor.types import IntArray
 
 _GAP_CYCLES = 2.5
@@ -90,11 +90,8 @@ def inspect_log(
 
     `database` names the messages, and its data ids are tried; `rate_hz` gives times to text that has none.
     """
-    notes = Notes()
-    columns = joined(list(read_through(path, notes, rate_hz, progress)))
-    if not len(columns.t_ns):
-        raise LogError(f"{path}: {notes.why_empty()}")
-    table = table_from(str(path), columns, notes)
+    table = table_through(path, rate_hz, progress)
+    columns = table.columns
     names = _names(database)
     known = _data_ids(database)
     messages = [_message(columns.taken(rows), table.channel_names, names, known) for rows in _groups(columns)]

@@ -16,8 +16,8 @@ import numpy as np
 
 from vsensor.codec import Database, Layout, decode_bulk, load_database
 from vsensor.errors import ConfigError, LogError, MissingExtraError
-from vsensor.logs.convert import Conversion, Progress, Replacing, read_through
-from vsensor.logs.decode import decode_log
+from vsensor.logs.convert import Conversion, Progress, Replacing, read_through, table_through
+from vsensor.logs.decode import decode_frames
 from vsensor.logs.report import Notes
 from vsensor.logs.table import ERROR, EXTENDED, REMOTE, Columns
 from vsensor.profile import Profile, load_profiles
@@ -42,16 +42,24 @@ def decode_to_parquet(
 ) -> Conversion:
     """Decode by profiles, if any are named, else by a database. Raises as both, and ConfigError, DbcError."""
     if profiles:
-        return quantities_to_parquet(source, target, load_profiles(profiles, dbc))
+        known = load_profiles(profiles, dbc)
+        return quantities_to_parquet(source, target, known, rate_hz=rate_hz, progress=progress)
     if dbc is None:
         raise ConfigError(f"{target}: decoded signals need --dbc FILE or --profile NAME")
     return signals_to_parquet(source, target, load_database(dbc), rate_hz=rate_hz, progress=progress)
 
 
-def quantities_to_parquet(source: Path, target: Path, profiles: Sequence[Profile]) -> Conversion:
+def quantities_to_parquet(
+    source: Path,
+    target: Path,
+    profiles: Sequence[Profile],
+    *,
+    rate_hz: float | None = None,
+    progress: Progress | None = None,
+) -> Conversion:
     """Write the quantities of the profiles, a row per image. Raises LogError, MissingExtraError."""
     polars = _polars()
-    table = decode_log(source, profiles)
+    table = decode_frames(table_through(source, rate_hz, progress), profiles).rows()
     frame = polars.DataFrame({"t_ns": table.t_ns, **table.columns}).fill_nan(None)
     with Replacing(target) as part:
         _write(frame.lazy(), part, target)

@@ -73,6 +73,12 @@ class Player:
         return (self._supply.position_ns - self._start_ns) / 1e9
 
     @property
+    def wait_s(self) -> float:
+        """How long no frame is due from now on; 0 while it is paused, or where nothing is read ahead."""
+        due_ns = None if self.paused else self._supply.due_ns(self._at_ns)
+        return 0.0 if due_ns is None else max(0, due_ns - self._at_ns) / 1e9
+
+    @property
     def paused(self) -> bool:
         """Whether it is paused."""
         return self._paused_ns is not None

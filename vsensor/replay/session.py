@@ -23,6 +23,7 @@ from vsensor.replay.reading import Cut, Survey, survey
 from vsensor.replay.reel import Reel
 from vsensor.replay.report import Report
 from vsensor.replay.stages import Stage
+from vsensor.types import Frame
 
 if TYPE_CHECKING:  # loaded where they are asked for: a third of the time to the first frame
     from vsensor.replay.overlay import Overlay
@@ -36,6 +37,7 @@ kernel takes the processor away for 50 ms each second from a real-time process t
 START_UP_NS = 20_000_000  # from the end of loading to the first frame
 POLL_S = 0.001
 JUMP_S = 5.0  # of an arrow key
+LONG_WAIT_S, DAY_S = 10.0, 86_400.0
 
 
 def replay_log(
@@ -83,8 +85,9 @@ def replay_log(
         if options.realtime:
             stack.enter_context(real_time_priority(say))
         stack.enter_context(calm_collector())
-        if _wait(options, outputs, player, clock, stopped):
+        if _wait(options, outputs, player, clock, stopped, keys):
             _play(player, stopped, keys, say)
+        player.report.interrupted = stopped()
         if overlay is not None:
             player.report.notes += overlay.lines()
     report = _judged(options, player, reel, outputs)
@@ -116,9 +119,19 @@ def _recording(
     """Open the recording; its times are those at which the frames were due, by the wall clock."""
     if options.log is None:
         return None
-    writer: LogWriter = stack.enter_context(open_log_writer(options.log, tuple(head.channels)))
+    channels = head.channels
+    writer: LogWriter = stack.enter_context(open_log_writer(options.log, tuple(channels)))
     wall_ns = epoch_offset_ns() + (time.monotonic_ns() if options.fast else 0)
-    return lambda frame, origin_ns: writer.write(frame, wall_ns + origin_ns)
+    named = len(channels)
+
+    def record(frame: Frame, origin_ns: int) -> None:
+        nonlocal named
+        if len(channels) != named:  # one turned up since
+            named = len(channels)
+            writer.name_channels(tuple(channels))
+        writer.write(frame, wall_ns + origin_ns)
+
+    return record
 
 
 def _say_start(options: ReplayOptions, outputs: Outputs, say: Say, keys: Keys | None) -> None:
@@ -133,7 +146,12 @@ def _say_start(options: ReplayOptions, outputs: Outputs, say: Say, keys: Keys | 
 
 
 def _wait(
-    options: ReplayOptions, outputs: Outputs, player: Player, clock: Clock, stopped: Callable[[], bool]
+    options: ReplayOptions,
+    outputs: Outputs,
+    player: Player,
+    clock: Clock,
+    stopped: Callable[[], bool],
+    keys: Keys | None,
 ) -> bool:
     """Wait for the frame that starts the replay, or set the time that does; returns whether to play."""
     player.origin_ns = clock.now_ns() + START_UP_NS
@@ -145,7 +163,7 @@ def _wait(
         return True
     wanted = key("--wait-for", options.wait_for)
     outputs.drain()
-    while not stopped():
+    while not stopped() and (keys is None or "q" not in keys()):
         if any(f.arbitration_id | EXTENDED_KEY * f.is_extended == wanted for f in outputs.drain()):
             player.origin_ns = clock.now_ns()
             return True
@@ -156,17 +174,27 @@ def _wait(
 def _play(player: Player, stopped: Callable[[], bool], keys: Keys | None, say: Say) -> None:
     began_s = time.monotonic()
     ended: list[bool] = []  # by the key q, which is no interruption
-    looked_ns = 0
+    looked_ns, told_ns = 0, -1
     for _ in played(player, lambda: bool(ended) or stopped()):
-        if keys is None or player.now_ns - looked_ns < REST_NS:
+        if player.now_ns - looked_ns < REST_NS:
             continue
         looked_ns = player.now_ns
-        for name in keys():
+        if player.report.real_time and looked_ns > told_ns and player.wait_s > LONG_WAIT_S:
+            told_ns = looked_ns + round(player.wait_s * 1e9)
+            say(_silence(player))
+        for name in () if keys is None else keys():
             if name == "q":
                 ended.append(True)
             _obey(player, name, say)
-    player.report.interrupted = stopped()
     player.report.wall_s = time.monotonic() - began_s
+
+
+def _silence(player: Player) -> str:
+    """Say for how long nothing will leave, and why."""
+    wait = f"{player.wait_s:.0f} s" if player.wait_s < DAY_S else f"{player.wait_s / DAY_S:.0f} days"
+    if not player.report.frames_sent:
+        return f"the first frame leaves in {wait}"
+    return f"no frame for {wait} from {player.position_s:.3f} s of the log on; --max-gap S cuts such gaps"
 
 
 def _obey(player: Player, name: str, say: Say) -> None:

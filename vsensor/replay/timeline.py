@@ -92,8 +92,15 @@ def paced(pace: Pace, place: Place, m_ns: IntArray) -> tuple[Place, IntArray]:
     if pace.max_gap_ns is not None:
         steps = np.minimum(steps, pace.max_gap_ns)
     elapsed = place.elapsed_ns + np.cumsum(np.maximum(steps, 0))
-    due = elapsed if pace.speed == 1 else elapsed * pace.speed.denominator // pace.speed.numerator
+    due = elapsed if pace.speed == 1 else _divided(elapsed, pace.speed)
     return Place(at_ns=int(m_ns[-1]), elapsed_ns=int(elapsed[-1])), due
+
+
+def _divided(elapsed_ns: IntArray, speed: Fraction) -> IntArray:
+    """Return times (N,) divided by a speed and rounded down; times 1000 it would not fit after 106 days."""
+    whole, rest = np.divmod(elapsed_ns, speed.numerator)
+    due: IntArray = whole * speed.denominator + rest * speed.denominator // speed.numerator
+    return due
 
 
 def _steps(before: int, times: IntArray) -> IntArray:

@@ -10,7 +10,7 @@ from vsensor.field.table import Table
 from vsensor.field.tune.reading import Progress
 from vsensor.field.validate.held_out import look
 from vsensor.field.validate.judge import Judged, judge, load_limits, summary
-from vsensor.field.validate.page import require_page, write_page
+from vsensor.field.validate.page import require_page, write_json, write_page
 from vsensor.field.virtual import FitSetting
 
 
@@ -58,4 +58,4 @@ def _unseen(names: Collection[str], judged: Sequence[Judged]) -> list[str]:
     return [f"no rows of the table are for: {', '.join(missing)}"] if missing else []
 
 
-__all__ = ["Validation", "validate_model"]
+__all__ = ["Validation", "validate_model", "write_json"]

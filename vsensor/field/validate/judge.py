@@ -19,7 +19,7 @@ from vsensor.field.validate.held_out import Found, HeldOut
 from vsensor.schema import Config, check_schema, convert, read_toml
 from vsensor.types import Array
 
-SCHEMA = "vsensor.validate/1"
+SCHEMA, REPORT_SCHEMA = "vsensor.validate/1", "vsensor.validate_report/1"
 RANGE_BANDS_M = (0.0, 20.0, 40.0, 60.0, 80.0, 100.0, 250.0)
 SPEED_BAND_MPS = 10.0
 LEAST_SECONDS = 60.0
@@ -286,16 +286,20 @@ def _losses(model: ErrorModel, place: int, held: HeldOut, limits: ValidateLimits
     for word, seen in (("lost", False), ("seen", True)):
         cut = held.dwells.of(place, seen=seen)[1]
         ended = int(np.count_nonzero(~cut))
-        curves = _runs(model, place, held, seen=seen)
-        if ended < FEWEST_RUNS or not curves.size:
+        if ended < FEWEST_RUNS:
             continue
-        recorded, virtual = (float(np.trapezoid(curve, LEVELS)) / np.ptp(LEVELS) for curve in curves)
+        curves = _runs(model, place, held, seen=seen)
+        means = [float(np.trapezoid(curve, LEVELS)) / np.ptp(LEVELS) for curve in curves if len(curve)]
+        shown, off = f"{ended} runs recorded, the model loses no line", 1.0
+        if means:
+            shown = f"recorded {means[0]:.2f} s, virtual {means[1]:.2f} s, {ended} runs"
+            off = abs(means[1] / max(means[0], 1e-9) - 1.0)
         # the mean of n exponential durations is known to 1 / sqrt(n)
         checks.append(
             Check(
                 what=f"how long a line stays {word}",
-                shown=f"recorded {recorded:.2f} s, virtual {virtual:.2f} s, {ended} runs",
-                off=abs(virtual / max(recorded, 1e-9) - 1.0),
+                shown=shown,
+                off=off,
                 chance=1.96 / np.sqrt(ended),
                 limit=limits.lost_time,
             )
@@ -315,9 +319,9 @@ def summary(judged: Sequence[Judged]) -> list[str]:
     return lines
 
 
-def as_json(judged: Sequence[Judged]) -> list[dict[str, Any]]:
+def as_json(judged: Sequence[Judged]) -> dict[str, Any]:
     """Return the verdict for programs."""
-    return [
+    models = [
         {
             "model": one.name,
             "good": one.good,
@@ -337,3 +341,4 @@ def as_json(judged: Sequence[Judged]) -> list[dict[str, Any]]:
         }
         for one in judged
     ]
+    return {"schema": REPORT_SCHEMA, "good": all(one.good for one in judged), "models": models}

@@ -1,6 +1,7 @@
 """The verdict as one page: HTML with its pictures inside, or PDF. Needs matplotlib."""
 
 import html
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -8,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from vsensor.errors import ConfigError
-from vsensor.field.validate.judge import LEVELS, Judged
-from vsensor.pages import COLOURS, html_image, new_figure, pdf_of
+from vsensor.field.validate.judge import LEVELS, Judged, as_json, summary
+from vsensor.pages import COLOURS, html_image, new_figure, pdf_of, require_place
 from vsensor.study.table import replace_file
 
 STYLE = """
@@ -25,9 +26,13 @@ def require_page(path: Path) -> None:
     """Refuse a page that cannot be written, before the work; raises ConfigError, MissingExtraError."""
     if path.suffix.lower() not in (".html", ".pdf"):
         raise ConfigError(f"{path}: a page ends in .html or .pdf")
-    if not path.parent.is_dir():
-        raise ConfigError(f"{path}: cannot be written: there is no folder {path.parent}")
+    require_place(path)
     new_figure(purpose=path.name)
+
+
+def write_json(path: Path, judged: Sequence[Judged]) -> None:
+    """Write the verdict for programs; raises ConfigError."""
+    replace_file(path, json.dumps(as_json(judged), indent=1).encode() + b"\n")
 
 
 def write_page(path: Path, title: str, source: str, judged: Sequence[Judged]) -> None:
@@ -62,8 +67,6 @@ def _table(one: Judged) -> str:
 
 
 def _text_figure(title: str, source: str, judged: Sequence[Judged]) -> Any:
-    from vsensor.field.validate.judge import summary
-
     figure = new_figure(11.0, 8.0)
     lines = [title, "", source, "", *summary(judged)]
     figure.text(0.03, 0.97, "\n".join(lines), va="top", fontsize=7, family="monospace")
