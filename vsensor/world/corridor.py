@@ -193,6 +193,12 @@ class Corridor:
         cubics, x = self._blocks.table(block.piece).row(sigma)
         return cubics, x, s_m - block.start_m - sigma
 
+    def curvature(self, s_m: float) -> float:
+        """Return the lane's curvature at a distance, left positive; that of its end beyond."""
+        block = self._blocks.at(s_m)
+        sigma = min(max(s_m - block.start_m, 0.0), block.piece.length_m)
+        return self._blocks.table(block.piece).curvature(sigma)
+
     def section(self, s_m: float) -> Section:
         """Return the road's cross-section at a distance."""
         return self._blocks.at(s_m).piece.section

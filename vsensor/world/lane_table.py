@@ -6,6 +6,7 @@ position differs by h^4 / 384 kappa^3: 2e-7 m in a bend of 10 m, 2e-10 m at 100 
 """
 
 import itertools
+from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -25,10 +26,14 @@ INSIDE = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class LaneTable:
-    """`edges_m` (K + 1,) distances; `cubics` (4, 10, K): position, forward, left, curvature over [0, 1]."""
+    """`edges_m` (K + 1,) distances; `cubics` (4, 10, K): position, forward, left, curvature over [0, 1].
+
+    `edges` are the same distances, to be searched for one place without numpy.
+    """
 
     edges_m: Array
     cubics: Array
+    edges: tuple[float, ...]
 
     @classmethod
     def of(cls, piece: LanePiece) -> "LaneTable":
@@ -41,7 +46,8 @@ class LaneTable:
         start[9], end[9] = (d_start[3:6] * start[6:9]).sum(axis=0), (d_end[3:6] * end[6:9]).sum(axis=0)
         d_start[9] = d_end[9] = (end[9] - start[9]) / h
         a, b, rise = d_start * h, d_end * h, end - start
-        return cls(edges, np.array([start, a, 3 * rise - 2 * a - b, a + b - 2 * rise]))
+        cubics = np.array([start, a, 3 * rise - 2 * a - b, a + b - 2 * rise])
+        return cls(edges, cubics, tuple(edges.tolist()))
 
     def at(self, sigma_m: Array) -> tuple[Array, Array, Array, Array]:
         """Return position, forward, left (3, N) and curvature (N,) at distances inside the piece."""
@@ -53,9 +59,19 @@ class LaneTable:
 
     def row(self, sigma_m: float) -> tuple[Array, float]:
         """Return the cubics (4, 10) of the interval that a distance is in, and where in it, 0 to 1."""
-        k = min(max(int(self.edges_m.searchsorted(sigma_m, side="right")) - 1, 0), len(self.edges_m) - 2)
-        start, end = self.edges_m[k : k + 2].tolist()
-        return self.cubics[:, :, k], (sigma_m - start) / (end - start)
+        k, x = self._interval(sigma_m)
+        return self.cubics[:, :, k], x
+
+    def curvature(self, sigma_m: float) -> float:
+        """Return the curvature at one distance."""
+        k, x = self._interval(sigma_m)
+        c0, c1, c2, c3 = self.cubics[:, 9, k].tolist()
+        return float(c0 + x * (c1 + x * (c2 + x * c3)))
+
+    def _interval(self, sigma_m: float) -> tuple[int, float]:
+        k = min(max(bisect_right(self.edges, sigma_m) - 1, 0), len(self.edges) - 2)
+        start = self.edges[k]
+        return k, (sigma_m - start) / (self.edges[k + 1] - start)
 
 
 def _edges(piece: LanePiece) -> Array:

@@ -1,13 +1,12 @@
 """Actions at work: how they begin, when they are done, and what is kept in step with others."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from math import inf
 
+from msgspec.structs import replace
+
 from vsensor.errors import StoryError
-from vsensor.world.openscenario.bodies import Body, Follow
-from vsensor.world.openscenario.following import gap_reached
-from vsensor.world.openscenario.model import (
+from vsensor.world.openscenario.action_data import (
     Action,
     GapAction,
     LaneChange,
@@ -20,6 +19,8 @@ from vsensor.world.openscenario.model import (
     Teleport,
     Trajectory,
 )
+from vsensor.world.openscenario.bodies import Body, Follow
+from vsensor.world.openscenario.following import gap_reached
 from vsensor.world.openscenario.places import route_for, spot_for
 from vsensor.world.openscenario.shapes import Lateral, Speed, seconds_for, seconds_within
 from vsensor.world.openscenario.spots import Spot

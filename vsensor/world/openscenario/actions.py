@@ -3,8 +3,7 @@
 from math import inf
 
 from vsensor.world.opendrive.xml import Element
-from vsensor.world.openscenario.entities import Cast
-from vsensor.world.openscenario.model import (
+from vsensor.world.openscenario.action_data import (
     Action,
     Dynamics,
     GapAction,
@@ -16,6 +15,7 @@ from vsensor.world.openscenario.model import (
     SpeedAction,
     Teleport,
 )
+from vsensor.world.openscenario.entities import Cast
 from vsensor.world.openscenario.positions import read_position, read_trajectory, read_waypoints
 from vsensor.world.openscenario.reader import StoryReader
 

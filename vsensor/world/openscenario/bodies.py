@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 from math import atan2, cos, hypot, inf, pi, remainder, sin, sqrt
 
 import numpy as np
+from msgspec import Struct, structs
 
-from vsensor.world.openscenario.model import GapAction
+from vsensor.world.openscenario.action_data import GapAction
 from vsensor.world.openscenario.paths import Path, PathRun
 from vsensor.world.openscenario.rods import Rod
 from vsensor.world.openscenario.shapes import Lateral, Speed
@@ -39,12 +40,12 @@ class Follow:
     gap: GapAction | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Body:
+class Body(Struct, frozen=True, kw_only=True):
     """An entity's state at `t_ns`; `driven_m` is the way since the scenario began.
 
     `long_by` and `lat_by` say which running action moves it (-1 none); `path` is a trajectory that it is on;
-    `rod` is what a trailer is drawn by, as it was at `t_ns`.
+    `rod` is what a trailer is drawn by, as it was at `t_ns`. A struct, like Motion: both are made anew for
+    each vehicle that leaves its lane's middle at each step, and a frozen dataclass takes ten times as long.
     """
 
     track: Track
@@ -63,8 +64,7 @@ class Body:
     is_ended: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Motion:
+class Motion(Struct, frozen=True):
     """What a body does at a time: place, offset and its rates, speed and its rate, way driven."""
 
     s_m: float
@@ -93,13 +93,6 @@ def spot_of(body: Body, motion: Motion) -> Spot:
     return Spot(body.track, motion.s_m, motion.offset_m, turn)
 
 
-def curvature_at(tracks: Tracks, track: Track, s_m: float) -> float:
-    """Return the lane's curvature, left positive."""
-    cubics, x, _ = tracks.corridor(track).row(s_m)
-    c = cubics[:, 9].tolist()
-    return float(c[0] + x * (c[1] + x * (c[2] + x * c[3])))
-
-
 def motion_of(tracks: Tracks, body: Body, t_ns: int) -> Motion:
     """Return what a body on its track does at a time not before its own."""
     t_s, before_s = t_ns / 1e9, body.t_ns / 1e9
@@ -116,10 +109,11 @@ def motion_of(tracks: Tracks, body: Body, t_ns: int) -> Motion:
         return Motion(s_m, offset, speed, 0.0, 0.0, speed, speed, rate, body.driven_m + way)
     half_s = (before_s + t_s) / 2.0
     middle_m = body.s_m + way / 2.0
-    curvature = curvature_at(tracks, body.track, middle_m)
-    s_m = body.s_m + way * _foot_share(lateral, curvature, half_s, middle_m, body.speed.value(half_s))
+    curvature = tracks.corridor(body.track).curvature(middle_m)
+    offset, across, _ = _lateral_at(lateral, half_s, middle_m)
+    s_m = body.s_m + way * _foot_share(lateral, curvature, offset, across, body.speed.value(half_s))
     offset, across, across_rate = _lateral_at(lateral, t_s, s_m)
-    share = _foot_share(lateral, curvature, t_s, s_m, speed)
+    share = _foot_share(lateral, curvature, offset, across, speed)
     foot = speed * share
     if lateral.by_distance:
         turning = across * (across_rate - curvature * (1.0 - curvature * offset))  # half of d(1 / share^2)/ds
@@ -138,7 +132,7 @@ def _path_motion(tracks: Tracks, body: Body, run: PathRun, t_ns: int) -> Motion:
     s_m, offset, yaw = tracks.projected(body.track, body.s_m + way - before, np.array(point))
     turn = remainder(heading - yaw, 2 * pi)
     along, across = speed * cos(turn), speed * sin(turn)
-    bend = max(1.0 - curvature_at(tracks, body.track, s_m) * offset, NARROWEST)
+    bend = max(1.0 - tracks.corridor(body.track).curvature(s_m) * offset, NARROWEST)
     driven = body.driven_m + way - before
     return Motion(s_m, offset, along, across, 0.0, along / bend, speed, rate, driven)
 
@@ -160,9 +154,8 @@ def _lateral_at(lateral: Lateral, t_s: float, s_m: float) -> tuple[float, float,
     return lateral.at(s_m if lateral.by_distance else t_s)
 
 
-def _foot_share(lateral: Lateral, curvature: float, t_s: float, s_m: float, speed_mps: float) -> float:
+def _foot_share(lateral: Lateral, curvature: float, offset: float, slope: float, speed_mps: float) -> float:
     """Return the speed of the foot on the lane's middle per speed of the vehicle."""
-    offset, slope, _ = _lateral_at(lateral, t_s, s_m)
     bend = max(1.0 - curvature * offset, NARROWEST)
     if lateral.by_distance:
         return 1.0 / hypot(bend, slope)
@@ -173,20 +166,23 @@ def _foot_share(lateral: Lateral, curvature: float, t_s: float, s_m: float, spee
     return sqrt(1.0 - (slope / speed_mps) ** 2) / bend
 
 
-def moved(tracks: Tracks, body: Body, t_ns: int) -> Body:
-    """Return the body at a later time, where it must be moved in steps; else as it is."""
+def moved(tracks: Tracks, body: Body, t_ns: int) -> tuple[Body, Motion | None]:
+    """Return the body at a later time, where it must be moved in steps, else as it is.
+
+    With it what it does then, where that came out on the way (but for `foot_mps`, of the step's middle).
+    """
     if body.is_ended:
-        return body
+        return body, None
     if body.path is not None:
-        return anchored(tracks, body, t_ns)
-    t_s = t_ns / 1e9
+        return anchored(tracks, body, t_ns), None
     if _is_straight(body.lateral, body.t_ns / 1e9, body.s_m):
-        return body
+        return body, None
     motion = motion_of(tracks, body, t_ns)
+    after = structs.replace(body, t_ns=t_ns, s_m=motion.s_m, driven_m=motion.driven_m)
     lateral = body.lateral
-    if lateral.is_done(t_s, motion.s_m) and lateral.length > 0.0:
-        lateral = Lateral(lateral.end_m, lateral.end_m)
-    return replace(body, t_ns=t_ns, s_m=motion.s_m, driven_m=motion.driven_m, lateral=lateral)
+    if lateral.is_done(t_ns / 1e9, motion.s_m) and lateral.length > 0.0:
+        return structs.replace(after, lateral=Lateral(lateral.end_m, lateral.end_m)), None
+    return after, motion
 
 
 def anchored(tracks: Tracks, body: Body, t_ns: int) -> Body:
@@ -198,7 +194,7 @@ def anchored(tracks: Tracks, body: Body, t_ns: int) -> Body:
     if path is not None and path.times_s is None:  # the speed may change from here on
         way = way_on(tracks.path(path), path, body, t_ns)[0]
         path = replace(path, from_ns=t_ns, started_m=way)
-    return replace(body, t_ns=t_ns, s_m=motion.s_m, driven_m=motion.driven_m, path=path)
+    return structs.replace(body, t_ns=t_ns, s_m=motion.s_m, driven_m=motion.driven_m, path=path)
 
 
 def way_left_m(tracks: Tracks, body: Body, s_m: float, look_m: float) -> float:

@@ -1,8 +1,8 @@
 """Who keeps in step with others: their speed, or a gap to them; once a step of the storyboard."""
 
-from dataclasses import replace
+from msgspec.structs import replace
 
-from vsensor.world.openscenario.model import GapAction
+from vsensor.world.openscenario.action_data import GapAction
 from vsensor.world.openscenario.shapes import Speed
 from vsensor.world.openscenario.state import STEP_NS
 from vsensor.world.openscenario.work import Work

@@ -6,10 +6,11 @@ from pathlib import Path
 
 from vsensor.errors import StoryError
 from vsensor.world.opendrive.xml import Element, children, shortened
+from vsensor.world.openscenario.action_data import Action, NoAction
 from vsensor.world.openscenario.actions import read_global, read_private
 from vsensor.world.openscenario.conditions import Conditions
 from vsensor.world.openscenario.entities import Cast, read_entities
-from vsensor.world.openscenario.model import LEVEL_NAMES, Action, Level, NoAction, Node, Story
+from vsensor.world.openscenario.model import LEVEL_NAMES, Level, Node, Story
 from vsensor.world.openscenario.reader import StoryReader
 
 PRIORITIES = {"overwrite": "overwrite", "override": "overwrite", "skip": "skip", "parallel": "parallel"}
@@ -53,6 +54,7 @@ def load_story(path: Path | str, parameters: Mapping[str, str] | None = None, eg
         parameters=dict(reader.parameters),
         findings=tuple(dict.fromkeys(reader.warnings)),
         notes=tuple(cast.notes),
+        catalogs=reader.files,
     )
     _refuse_for_ego(story, cast.places[ego])
     return story

@@ -6,7 +6,7 @@ import numpy as np
 
 from vsensor.errors import StoryError
 from vsensor.types import Array
-from vsensor.world.openscenario.model import Position
+from vsensor.world.openscenario.action_data import Position
 from vsensor.world.openscenario.spots import Spot
 from vsensor.world.openscenario.work import Work
 

@@ -3,8 +3,8 @@
 from typing import Any
 
 from vsensor.world.opendrive.xml import Element, children
+from vsensor.world.openscenario.action_data import Orientation, Position, Trajectory, Vertex
 from vsensor.world.openscenario.entities import Cast
-from vsensor.world.openscenario.model import Orientation, Position, Trajectory, Vertex
 from vsensor.world.openscenario.reader import StoryReader
 
 MOST_POINTS = 10_000

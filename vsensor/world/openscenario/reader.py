@@ -48,6 +48,11 @@ class StoryReader(MapReader):
                 return str(one.get(FILE))
         return str(self.path)
 
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The catalogs that were read."""
+        return tuple(dict.fromkeys(file for found in self._catalogs.values() for file, _ in found))
+
     def boolean(self, element: Element, name: str, *, default: bool) -> bool:
         """Return true or false."""
         raw = " ".join((element.get(name) or "").split())

@@ -4,8 +4,9 @@ cubic p^2 (3 - 2 p), sinusoidal (1 - cos(pi p)) / 2, both level at their ends. A
 slope on the way, as esmini has it: 3/2 of the mean one (cubic), pi/2 (sinusoidal).
 """
 
-from dataclasses import dataclass
 from math import cos, inf, pi, sin, sqrt
+
+from msgspec import Struct
 
 PEAK_SLOPE = {"step": inf, "linear": 1.0, "cubic": 1.5, "sinusoidal": pi / 2}
 PEAK_BEND = {"step": inf, "linear": inf, "cubic": 6.0, "sinusoidal": pi**2 / 2}
@@ -38,8 +39,7 @@ def integral(shape: str, p: float) -> float:
     return p / 2.0 - sin(pi * p) / (2.0 * pi)
 
 
-@dataclass(frozen=True, slots=True)
-class Speed:
+class Speed(Struct, frozen=True):
     """A speed over time: from `start` to `end` in `seconds` from `from_s` on, then constant."""
 
     start_mps: float = 0.0
@@ -82,8 +82,7 @@ class Speed:
         return self.from_s + self.seconds
 
 
-@dataclass(frozen=True, slots=True)
-class Lateral:
+class Lateral(Struct, frozen=True):
     """An offset over time, or over the distance along the track (`by_distance`)."""
 
     start_m: float = 0.0

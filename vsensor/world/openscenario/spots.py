@@ -3,15 +3,16 @@
 from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from vsensor.world.opendrive.road import RoadMap
 
 
-@dataclass(frozen=True, slots=True)
-class Track:
+class Track(Struct, frozen=True, cache_hash=True):
     """Names a corridor: lane `lane` of a road from s on, along s (+1) or against it, over wished roads.
 
-    `groups` are those of borders known before, by lane, `first_group` the first for the others.
+    `groups` are those of borders known before, by lane, `first_group` the first for the others. A struct, as
+    corridors are looked up by it some ten times a vehicle and step.
     """
 
     road: str

@@ -1,6 +1,6 @@
 """Trailers: boxes of their own, each drawn at its coupler by the hitch of what is before it."""
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from vsensor.world.openscenario.bodies import Body
 from vsensor.world.openscenario.rods import Rod

@@ -1,8 +1,6 @@
 """The ways that entities drive: corridors along lanes, shared by all who are on the same lane of a road.
 
-A track begins where its road begins as driven, so that two vehicles on one lane have one corridor. The
-carrier of the sensor has its own: it begins 20 m behind it, and the borders keep their groups when it
-changes lanes, so that a line on the bus stays the same line.
+Where a track begins, `track_starts` says.
 """
 
 from collections import OrderedDict
@@ -15,21 +13,17 @@ from vsensor.errors import StoryError
 from vsensor.types import Array
 from vsensor.world.blocks import cached
 from vsensor.world.corridor import Corridor
-from vsensor.world.opendrive.network import Place, following, section_of
+from vsensor.world.opendrive.network import Place
 from vsensor.world.opendrive.road import RoadMap
+from vsensor.world.openscenario.action_data import Position
 from vsensor.world.openscenario.locate import Locator
-from vsensor.world.openscenario.model import Position
 from vsensor.world.openscenario.paths import Path, PathRun, made_path
 from vsensor.world.openscenario.spots import OwnFrom, RoadSpot, Spot, Track, lane_at, section_number
+from vsensor.world.openscenario.track_starts import TrackStarts
 from vsensor.world.route import DRIVABLE, CorridorConfig
 
-BEHIND_M = 20.0
 CORRIDORS_KEPT = 512
 PATHS_KEPT = 64
-INSIDE_M = 1e-6
-"""How far inside a section that does not end the road a track against s begins."""
-
-GROUPS_PER_CHANGE = 100_000
 
 OFF_ROAD = {"none", "sidewalk", "walking", "curb", "median", "tram", "rail"}
 """Lane types that are no road for OffroadCondition and for where a vehicle may start."""
@@ -43,8 +37,7 @@ class Tracks:
         self._config = config or CorridorConfig()
         self._corridors: OrderedDict[Track, Corridor] = OrderedDict()
         self._paths: OrderedDict[object, Path] = OrderedDict()
-        self._names: dict[Track, Track] = {}
-        self._starts: dict[Place, tuple[int, float]] = {}
+        self._starts = TrackStarts(road_map)
         self.locator = Locator(road_map)
         self.fixed: dict[Position, Spot] = {}
 
@@ -91,57 +84,11 @@ class Tracks:
         if direction is None:
             direction = road.direction(lane, reversed_lane=section.lanes[lane].reversed)
         place = Place(road.id, number, lane, direction)
-        track = self._own(place, s_m, route, own_from) if own_from else self._shared(place, route)
+        starts = self._starts
+        track = starts.own(place, s_m, route, own_from) if own_from else starts.shared(place, route)
         until_m = 3.0 * road.length_m + 1000.0
         found = self.corridor(track).distance(road.id, s_m, lane, until_m=until_m)
         return Spot(track, 0.0 if found is None else found, direction * t_offset_m)
-
-    def _shared(self, place: Place, route: tuple[str, ...]) -> Track:
-        if place not in self._starts:
-            self._starts[place] = self._first(place)
-        lane, s_m = self._starts[place]
-        return self._named(Track(place.road_id, lane, s_m, place.direction, route))
-
-    def _named(self, track: Track) -> Track:
-        """Return the same object for equal tracks: it is found without comparing."""
-        return self._names.setdefault(track, track)
-
-    def _first(self, place: Place) -> tuple[int, float]:
-        """Return the lane and s where the way along a lane begins on its road."""
-        road = self.road_map.roads[place.road_id]
-        while 0 <= place.section - place.direction < len(road.sections):
-            before = self._before(place)
-            if before is None:
-                break
-            place = before
-        section = road.sections[place.section]
-        if place.direction > 0:
-            return place.lane_id, section.start_m
-        is_last = place.section == len(road.sections) - 1
-        return place.lane_id, section.end_m if is_last else section.end_m - INSIDE_M
-
-    def _before(self, place: Place) -> Place | None:
-        number = place.section - place.direction
-        lanes = self.road_map.roads[place.road_id].sections[number].lanes
-        own = section_of(self.road_map, place).lanes[place.lane_id]
-        for lane in (*own.linked(-place.direction), place.lane_id):
-            if lane != 0 and lane in lanes:
-                candidate = replace(place, section=number, lane_id=lane)
-                if place in following(self.road_map, candidate)[:1]:
-                    return candidate
-        return None
-
-    def _own(self, place: Place, s_m: float, route: tuple[str, ...], before: OwnFrom) -> Track:
-        section = section_of(self.road_map, place)
-        start = s_m - place.direction * BEHIND_M
-        low, high = section.start_m, section.end_m
-        if place.section < len(self.road_map.roads[place.road_id].sections) - 1:
-            high -= INSIDE_M
-        start = min(max(start, low), high)
-        groups = tuple((lane, group) for lane, group in before.groups if lane in section.lanes)
-        first = before.changes * GROUPS_PER_CHANGE
-        own = Track(place.road_id, place.lane_id, start, place.direction, route, groups, first, is_own=True)
-        return self._named(own)
 
     def road_spot(self, spot: Spot) -> RoadSpot:
         """Return where on the road a place is."""

@@ -1,11 +1,12 @@
 """Trajectories being driven: how one begins, and how its driver comes back onto a lane."""
 
-from dataclasses import replace
 from math import pi, remainder
 
+from msgspec.structs import replace
+
 from vsensor.errors import StoryError, VsensorError
+from vsensor.world.openscenario.action_data import Trajectory
 from vsensor.world.openscenario.bodies import Body, way_on
-from vsensor.world.openscenario.model import Trajectory
 from vsensor.world.openscenario.paths import PathRun
 from vsensor.world.openscenario.places import point_for, spot_for
 from vsensor.world.openscenario.shapes import Lateral, Speed

@@ -40,11 +40,13 @@ class Work:
     _places: dict[int, RoadSpot] = field(default_factory=dict[int, RoadSpot])
     _poses: dict[int, tuple[Array, float]] = field(default_factory=dict[int, tuple[Array, float]])
 
-    def put(self, entity: int, body: Body | None) -> None:
-        """Give an entity another state; what was told of it is forgotten."""
+    def put(self, entity: int, body: Body | None, motion: Motion | None = None) -> None:
+        """Give an entity another state; what was told of it is forgotten, but what is known of it now."""
         self.bodies[entity] = body
         for told in (self._motions, self._places, self._poses):
             told.pop(entity, None)
+        if motion is not None:
+            self._motions[entity] = motion
         drawn = self.story.entities[entity].trailer
         while drawn is not None:
             self._poses.pop(drawn, None)
