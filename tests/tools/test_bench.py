@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from tests import stories
 from tests.shared import SHARED_DATA, needs_shared
 from tools.bench import errors, frontier, growth, peers, pictures, reference, scans, world
 from tools.bench.__main__ import main
@@ -179,10 +180,19 @@ def test_what_a_cubic_leaves_of_an_arc_is_at_least_its_fourth_power():
         assert world.arc_limit_m(radius_m, 100.0) > 50.0**4 / (105 * radius_m**3)
 
 
+def test_in_the_benchs_storyboard_all_vehicles_change_their_lanes_at_once(tmp_path):
+    source = stories.drive(tmp_path, world.story_of("change lanes"), rehearsal_s=0.1)
+    offsets = [abs(stories.motion(source, 2.0, f"V{k}").across_mps) for k in range(world.VEHICLES)]
+    assert min(offsets) > 0.0
+    still = stories.drive(tmp_path, world.story_of("keep their lanes"), rehearsal_s=0.1)
+    assert stories.motion(still, 2.0, "V7").across_mps == 0.0
+
+
 def test_the_bench_of_the_world_judges_what_it_measured():
     cost = {"mb": 2.0, "load_s": 1.0, "memory_mb": 20.0, "peak_mb": 99.0, "pose_us": 30.0, "window_us": 9.0}
     huge = {**cost, "copies": 100, "pose_us": 51.0}
     fit = [{"radius_m": 250, "std_m": 0.005, "limit_m": 0.005, "worst_m": 0.016}]
     found = {"largest": cost, "small": cost, "huge": huge, "vehicles": 50, "tick_us": 990.0, "fit": fit}
-    assert [row[3] for row in world.targets(found)] == [True, False, None, True, None]
+    found |= {"story_us": {"keep their lanes": 400.0, "change lanes": 1100.0}, "driven_us": 700.0}
+    assert [row[3] for row in world.targets(found)] == [True, False, None, True, True, False, None, None]
     assert "| 250 | 5.000 | 5.000 | 16.000 |" in world.page(found)

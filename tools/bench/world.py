@@ -9,26 +9,32 @@ import resource
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tests import stories
 from tests.shared import SHARED_DATA
 from tools.bench.measure import PERIOD_NS, ROOT, elapsed_ms, median, one_core, yardstick_ms
 from tools.bench.tables import table
-from vsensor.config import SHIPPED
+from vsensor.config import SHIPPED, load_scenario
+from vsensor.line.build import build_source
 from vsensor.scene import SceneConfig
+from vsensor.sources import Source
 from vsensor.sources.map_drive import EgoConfig, MapDrive
+from vsensor.sources.storyboard import StoryboardConfig, StoryDrive
 from vsensor.sources.traffic import TrafficConfig
-from vsensor.types import Side, Tick
+from vsensor.types import Environment, Side, Tick
 from vsensor.world.corridor import Corridor
 from vsensor.world.opendrive import load_map
 from vsensor.world.route import CorridorConfig
 
 LARGEST, SMALL = "Town04", "straight_500m"
 VEHICLES = 50
+STORIES = ("keep their lanes", "change lanes")
 COPIES = 100
 AHEAD_M = 100.0
 RADII_M = (250, 400, 600, 800, 1000, 1500)
@@ -42,6 +48,8 @@ def world(copies: int = COPIES, step_m: float = 5.0) -> dict[str, Any]:
         found["largest"] = costs(maps / f"{LARGEST}.xodr")
         found["small"] = costs(maps / f"{SMALL}.xodr")
         found["tick_us"] = tick_us(maps / f"{LARGEST}.xodr")
+        found["story_us"] = {kind: story_tick_us(kind) for kind in STORIES}
+        found["driven_us"] = driven_tick_us("p3_hold")
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "huge.xodr"
             side_by_side(maps / f"{LARGEST}.xodr", path, copies)
@@ -96,6 +104,54 @@ def tick_us(path: Path) -> float:
     ticks = [Tick(index=k, t_ns=k * PERIOD_NS, period_ns=PERIOD_NS) for k in range(400)]
     assert len(drive.advance(None, ticks[0], ())[1].scene.obstacles) == VEHICLES
     return median(np.array([elapsed_ms(lambda t=t: drive.advance(None, t, ())) for t in ticks])) * 1e3
+
+
+def story_tick_us(kind: str) -> float:
+    """Return the median tick of a storyboard with 50 vehicles, all of which do what `kind` says."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = stories.written(Path(folder), story_of(kind))
+        drive = StoryDrive.load(path, StoryboardConfig(), Environment(), rehearsal_s=0.1)
+    return _ticks_us(drive, first=50)  # from 2 s on
+
+
+def story_of(kind: str) -> str:
+    """Return a storyboard of 50 vehicles in two lanes, which from 1 s on change lanes, or do not."""
+    names = [f"V{k}" for k in range(VEHICLES)]
+    places = {name: stories.lane_position(60 + 6 * (k // 2), -1 - k % 2) for k, name in enumerate(names)}
+    places["Ego"] = stories.lane_position(50)
+    init = "".join(
+        stories.private(name, stories.teleport(place), stories.speed(25)) for name, place in places.items()
+    )
+    if kind == "keep their lanes":
+        return stories.text(init, entities=("Ego", *names))
+    changes = [
+        stories.group(
+            stories.event(
+                f"e{lane}", stories.trigger(stories.after(1)), stories.lane_change(-3 - lane, value=60)
+            ),
+            actors=[name for k, name in enumerate(names) if -1 - k % 2 == lane],
+            name=f"g{lane}",
+        )
+        for lane in (-1, -2)
+    ]
+    return stories.text(init, stories.story(*changes), entities=("Ego", *names))
+
+
+def driven_tick_us(scenario: str) -> float:
+    """Return the median tick of a shipped drive by a vehicle and its driver."""
+    return _ticks_us(build_source(load_scenario(scenario)), first=0)
+
+
+def _ticks_us(source: Source, first: int) -> float:
+    """Return the median of the source's ticks from one on."""
+    state, spent = source.initial_state(), []
+    for k in range(first + 400):
+        tick = Tick(index=k, t_ns=k * PERIOD_NS, period_ns=PERIOD_NS)
+        start_ns = time.perf_counter_ns()
+        state, snapshot = source.advance(state, tick, ())
+        spent.append(time.perf_counter_ns() - start_ns)
+        assert snapshot is not None
+    return median(np.array(spent[first:])) / 1e3
 
 
 def side_by_side(source: Path, target: Path, copies: int) -> None:
@@ -174,6 +230,16 @@ def targets(found: Mapping[str, Any]) -> list[Sequence[object]]:
             f"{found['tick_us'] / 1e3:.2f} ms",
             found["tick_us"] <= 1000.0,
         ),
+        *(
+            (
+                f"a tick of a storyboard whose {found['vehicles']} vehicles {kind}",
+                "1 ms",
+                f"{us / 1e3:.2f} ms",
+                us <= 1000.0,
+            )
+            for kind, us in found["story_us"].items()
+        ),
+        ("a tick of a vehicle and its driver (`p3_hold`)", "", f"{found['driven_us'] / 1e3:.2f} ms", None),
         (
             f"memory of a map of {huge['mb']:.0f} MB, {huge['copies']} times as large",
             "bounded",
