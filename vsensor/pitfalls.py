@@ -67,14 +67,14 @@ def _lanes_that_are_not_there(scenario: Scenario, line: Line) -> list[str]:
         return []
     corridor, found = drive.corridor, []
     for number, one in enumerate(scenario.config.traffic):
-        ahead_m = one.ahead_m if isinstance(one.ahead_m, int | float) else one.ahead_m[0][1]
-        if (
-            not corridor.reaches(ahead_m)
-            or corridor.lane_beside(max(ahead_m, 0.0), one.lanes_left) is not None
-        ):
+        ahead_m, lanes = (
+            points if isinstance(points, int | float) else points[0][1]
+            for points in (one.ahead_m, one.lanes_left)
+        )
+        if not corridor.reaches(ahead_m) or corridor.lane_beside(max(ahead_m, 0.0), round(lanes)) is not None:
             continue
         found.append(
-            f"traffic[{number}].lanes_left = {one.lanes_left}: no such lane where it starts, "
+            f"traffic[{number}].lanes_left = {lanes:g}: no such lane where it starts, "
             "so it drives beside the road's lanes"
         )
     return found

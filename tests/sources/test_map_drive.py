@@ -330,6 +330,35 @@ def test_a_vehicle_with_a_speed_moves_by_its_integral_whatever_the_ego_does(tmp_
     assert box.centre_world_m[0] == pytest.approx(10.0 + 5.0 * 17.5, abs=1e-9)
 
 
+CHANGE = {"lanes_left": [(0.0, -1), (1.0, -1), (4.0, 1)], "ahead_m": 40}
+
+
+@pytest.mark.parametrize(
+    ("t_s", "y"), [(0.5, -9.25), (2.5, -5.5), (4.0, -1.75), (9.0, -1.75)]
+)  # the lanes' middles are 3.75 m apart, the change goes over two of them
+def test_a_vehicle_of_the_traffic_changes_lanes_as_told(tmp_path, t_s, y):
+    source = drive(loaded(tmp_path, road(**LONG)), [CHANGE], road="1", lane=-2, speed_kmh=72)
+    (box,) = at(source, t_s).scene.obstacles
+    assert box.centre_world_m[1] == pytest.approx(y, abs=1e-9)
+
+
+@pytest.mark.parametrize("more", [{}, {"ahead_m": [(0.0, 60.0), (10.0, 20.0)]}, {"speed_kmh": 90}])
+@pytest.mark.parametrize("radius_m", [400.0, 1e6])
+def test_a_vehicle_that_changes_lanes_heads_where_it_goes(tmp_path, more, radius_m):
+    plan = geometry(f'<arc curvature="{1.0 / radius_m!r}"/>', 1000.0)
+    ring = road(plan=plan, length=1000.0, sections=THREE_LANES)
+    change = {**CHANGE, "offset_m": [(1.0, 0.0), (4.0, 0.5)], **more}
+    source = drive(loaded(tmp_path, ring), [change], road="1", lane=-2, speed_kmh=72)
+    before, now, after = (at(source, 2.2 + k * 1e-3).scene.obstacles[0] for k in (-1, 0, 1))
+    x, y, _ = after.centre_world_m - before.centre_world_m
+    assert now.yaw_rad == pytest.approx(atan2(y, x), abs=1e-5)
+
+
+def test_a_lane_of_the_traffic_is_a_whole_number(tmp_path):
+    with pytest.raises(ConfigError, match=r"traffic\[0\].lanes_left: 0.5: whole numbers from -8 to 8"):
+        drive(loaded(tmp_path, road(**LONG)), [{"lanes_left": [(0.0, 0), (2.0, 0.5)]}], road="1", lane=-2)
+
+
 def test_a_faster_vehicle_drives_away_and_a_slower_one_falls_behind(tmp_path):
     traffic = [{"ahead_m": 10, "speed_kmh": 144}, {"ahead_m": 10, "speed_kmh": 36, "lanes_left": 1}]
     source = drive(loaded(tmp_path, road(**LONG)), traffic, road="1", lane=-2, speed_kmh=90)

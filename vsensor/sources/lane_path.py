@@ -12,7 +12,7 @@ from math import floor, pi
 import numpy as np
 
 from vsensor.sources.manoeuvres import Shift
-from vsensor.sources.map_drive import OFFSET_STEP_M as KNOT_M
+from vsensor.sources.traffic_boxes import OFFSET_STEP_M as KNOT_M
 from vsensor.types import Array
 from vsensor.world.corridor import Corridor
 

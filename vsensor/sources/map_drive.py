@@ -1,6 +1,6 @@
 """A drive along a lane of a map, with traffic beside and ahead, and what stands along the road."""
 
-from math import atan2, floor, hypot, inf
+from math import atan2, hypot, inf
 from pathlib import Path
 from typing import Annotated, Literal, Protocol
 
@@ -14,9 +14,10 @@ from vsensor.sources.manoeuvres import ManoeuvreConfig
 from vsensor.sources.shapes import Shapes
 from vsensor.sources.standing import ObstacleConfig, Standing
 from vsensor.sources.traffic import MPS_PER_KMH, TrafficConfig, vehicle
+from vsensor.sources.traffic_boxes import LanesBeside, TrafficBoxes
 from vsensor.sources.weather import Weather
 from vsensor.transforms import rotation_from_rpy, rpy_from_rotation
-from vsensor.types import Array, EgoState, Environment, Obstacle, Scene, Snapshot, Tick, frozen
+from vsensor.types import Array, EgoState, Environment, Scene, Snapshot, Tick, frozen
 from vsensor.world.corridor import Corridor, Poses
 from vsensor.world.opendrive import load_map
 from vsensor.world.profiles import LinearProfile, Points, SmoothProfile
@@ -24,9 +25,6 @@ from vsensor.world.route import CorridorConfig
 
 BEHIND_M = 20.0
 LONGER_THAN_X = 1.3  # a road that turns by 60 degrees within the range is 1.2 times as long as its x
-
-OFFSETS_KEPT = 8192
-OFFSET_STEP_M = 10.0
 
 
 class EgoConfig(Config, frozen=True, kw_only=True):
@@ -99,11 +97,12 @@ class MapDrive:
         if max(map(abs, offset.values)) > 20.0:
             raise ConfigError("ego.offset_m: at most 20 m to either side were expected")
         shapes = Shapes(folder)
-        self._vehicles = tuple(vehicle(config, number, shapes) for number, config in enumerate(traffic))
+        self._lanes = LanesBeside(corridor)
+        vehicles = tuple(vehicle(config, number, shapes) for number, config in enumerate(traffic))
+        self._traffic = TrafficBoxes(corridor, vehicles, self._lanes)
         self._standing = Standing(corridor, obstacles, shapes, first_id=len(traffic))
         self.weather = Weather.of(environment)
         self._view_m = LONGER_THAN_X * range_m + BEHIND_M
-        self._lane_offsets: dict[tuple[int, int], float] = {}
 
     @classmethod
     def load(
@@ -171,9 +170,14 @@ class MapDrive:
             markings=self.corridor.markings_window(*view),
             surface=self.corridor.surface_window(*view),
             ground=self.corridor.ground_window(*view),
-            obstacles=self._obstacles(t_s, s_m) + self._standing.near(s_m, self._view_m),
+            obstacles=self._traffic.near(t_s, s_m, self._speed.value(t_s), BEHIND_M, self._view_m)
+            + self._standing.near(s_m, self._view_m),
             environment=self.weather.at(t_s),
         )
+
+    def lane_offset(self, lanes_left: int, s_m: float) -> float:
+        """Return where the middle of a lane beside lies, to the left of the driven one's."""
+        return self._lanes.offset_m(lanes_left, s_m)
 
     def start(self) -> EgoState:
         """Return the vehicle at the start, standing."""
@@ -237,54 +241,6 @@ class MapDrive:
             uneven=self.corridor.uneven(s_m),
         )
 
-    def _obstacles(self, t_s: float, ego_m: float) -> tuple[Obstacle, ...]:
-        """Return the traffic within view as boxes standing on the road."""
-        near = [
-            (number, one, ego_m + ahead_m)
-            for number, one in enumerate(self._vehicles)
-            for ahead_m in one.places_m(t_s, ego_m, BEHIND_M + one.size_m[0], self._view_m)
-            if self.corridor.reaches(ego_m + ahead_m)
-        ]
-        if not near:
-            return ()
-        offsets = [one.offset_m + self.lane_offset(one.lanes_left, s_m) for _, one, s_m in near]
-        poses = self.corridor.poses(np.array([s_m for *_, s_m in near]), np.array(offsets))
-        half_m = np.array([0.5 * one.size_m[2] for _, one, _ in near])
-        centres = frozen(poses.position_world_m + half_m[:, None] * _ups(poses))
-        angles = zip(poses.roll_rad.tolist(), poses.pitch_rad.tolist(), poses.yaw_rad.tolist(), strict=True)
-        return tuple(
-            Obstacle(
-                id=number,
-                centre_world_m=centre,
-                size_m=one.size_m,
-                roll_rad=roll,
-                pitch_rad=pitch,
-                yaw_rad=yaw,
-                mesh=one.mesh,
-            )
-            for (number, one, _), centre, (roll, pitch, yaw) in zip(near, centres, angles, strict=True)
-        )
-
-    def lane_offset(self, lanes_left: int, s_m: float) -> float:
-        """Return the offset of a lane beside, linear between places 10 m apart (the map takes 0.4 ms)."""
-        if lanes_left == 0:
-            return 0.0
-        place = floor(s_m / OFFSET_STEP_M)
-        here, there = self._lane_offset_at(lanes_left, place), self._lane_offset_at(lanes_left, place + 1)
-        return here + (s_m / OFFSET_STEP_M - place) * (there - here)
-
-    def _lane_offset_at(self, lanes_left: int, place: int) -> float:
-        """Return the offset of a lane; where there is none it is where one would be."""
-        key = (lanes_left, place)
-        if key not in self._lane_offsets:
-            if len(self._lane_offsets) >= OFFSETS_KEPT:
-                self._lane_offsets.clear()
-            s_m = place * OFFSET_STEP_M
-            beside = self.corridor.lane_beside(s_m, lanes_left)
-            wanted = lanes_left * self.corridor.lane_width(s_m)
-            self._lane_offsets[key] = wanted if beside is None else float(beside.offset_m[0])
-        return self._lane_offsets[key]
-
 
 def _turned(poses: Poses, turn_rad: float) -> tuple[float, float, float]:
     """Return roll, pitch, yaw of the first pose, turned about the road's normal."""
@@ -293,14 +249,6 @@ def _turned(poses: Poses, turn_rad: float) -> tuple[float, float, float]:
         return angles
     rotation: Array = rotation_from_rpy(*angles) @ rotation_from_rpy(0.0, 0.0, turn_rad)
     return rpy_from_rotation(rotation)
-
-
-def _ups(poses: Poses) -> Array:
-    """Return the road's normals (N, 3): the third columns of Rz(yaw) Ry(pitch) Rx(roll)."""
-    (cr, cp, cy), (sr, sp, sy) = (
-        (f(poses.roll_rad), f(poses.pitch_rad), f(poses.yaw_rad)) for f in (np.cos, np.sin)
-    )
-    return np.column_stack((cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr))
 
 
 def _angles(poses: Poses, row: int) -> tuple[float, float, float]:
