@@ -12,12 +12,22 @@ import numpy as np
 from vsensor.errors import StoryError
 from vsensor.schema import Config
 from vsensor.sources import Inputs
+from vsensor.sources.story_files import find_road
 from vsensor.sources.weather import Weather
 from vsensor.transforms import rotation_from_rpy, rpy_from_rotation
 from vsensor.types import Array, EgoState, Environment, Obstacle, Scene, Snapshot, Tick, frozen
 from vsensor.world.corridor import Poses
 from vsensor.world.opendrive import load_map
-from vsensor.world.openscenario import Machine, StoryState, Tracks, Work, boxes_near, load_story, spot_of
+from vsensor.world.openscenario import (
+    Machine,
+    Story,
+    StoryState,
+    Tracks,
+    Work,
+    boxes_near,
+    load_story,
+    spot_of,
+)
 from vsensor.world.openscenario.bodies import SLOWEST_MPS, Body, Motion
 from vsensor.world.openscenario.state import STEP_NS
 
@@ -36,6 +46,11 @@ class StoryboardConfig(Config, frozen=True, kw_only=True):
     parameters: Mapping[str, str | float | bool] = msgspec.field(
         default_factory=dict[str, str | float | bool]
     )
+
+    def story(self, path: Path) -> Story:
+        """Read a scenario with these words; raises StoryError."""
+        given = {name: _text(value) for name, value in self.parameters.items()}
+        return load_story(path, given, self.ego)
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,8 +90,7 @@ class StoryDrive:
         rehearsal_s: float = LONGEST_REHEARSAL_S,
     ) -> "StoryDrive":
         """Read the scenario, its catalogs and its map; raises StoryError, MapError, ConfigError."""
-        given = {name: _text(value) for name, value in config.parameters.items()}
-        story = load_story(path, given, config.ego)
+        story = config.story(path)
         road, note = find_road(path, story.road_file)
         machine = Machine(story, Tracks(load_map(road)), config.ego)
         return cls(machine, environment, range_m, note, rehearsal_s)
@@ -172,29 +186,6 @@ def _text(value: str | float | bool) -> str:
     if isinstance(value, float) and value == int(value) and abs(value) < 1e15:
         return str(int(value))
     return str(value)
-
-
-def find_road(scenario: Path, name: str) -> tuple[Path, tuple[str, ...]]:
-    """Return the map that a scenario names, and a note where it is not where it says.
-
-    It is looked for as written from the scenario's folder, then by its name beside the scenario and in
-    folders named xodr, maps or opendrive beside or above it. Raises StoryError.
-    """
-    folder = scenario.parent
-    written = folder / name.replace("\\", "/")
-    try:
-        if written.is_file():
-            return written, ()
-    except (OSError, ValueError):
-        pass
-    file = Path(name.replace("\\", "/")).name
-    for place in (folder, *(base / kind for base in (folder, folder.parent) for kind in ROAD_FOLDERS)):
-        if file and (place / file).is_file():
-            return place / file, (f"map {name} is not there: {place / file} is taken",)
-    raise StoryError(f"{scenario}: <LogicFile>: no such map {name}, nor {file} in folders beside it")
-
-
-ROAD_FOLDERS = ("xodr", "maps", "opendrive")
 
 
 def ego_state(work: Work) -> EgoState:
