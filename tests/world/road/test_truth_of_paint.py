@@ -37,6 +37,30 @@ def test_a_report_of_a_line_that_does_not_count_is_judged_by_the_true_one():
     assert truth.coefficients[0] == pytest.approx(1.8, abs=1e-9)
 
 
+def overridden(output, place, where):
+    """Return the output with one marking that does not count where `where(x)` holds."""
+    markings = list(output.snapshot.scene.markings)
+    x_m = markings[place].points_world_m[:, 0]  # the vehicle stands at the origin
+    markings[place] = replace(markings[place], valid=~where(x_m))
+    scene = replace(output.snapshot.scene, markings=tuple(markings))
+    return replace(output, snapshot=replace(output.snapshot, scene=scene))
+
+
+def test_where_another_line_overrides_it_ahead_the_truth_of_a_line_ends():
+    output = output_of([Drawn(y=straight(1.8), reported=Side.LEFT)])
+    truth = line_truths(overridden(output, 0, lambda x: x >= 40.0), AXLE_M)[Side.LEFT]
+    assert truth.marking == 0
+    np.testing.assert_allclose(truth.y_m[:2], 1.8, atol=1e-12)
+    assert np.isnan(truth.y_m[2:]).all()
+
+
+def test_beside_the_vehicle_an_overridden_line_bounds_no_lane_though_it_counts_again_ahead():
+    lines = [Drawn(y=straight(1.5), reported=Side.LEFT), Drawn(y=straight(1.8))]
+    truths = line_truths(overridden(output_of(lines), 0, lambda x: x < 40.0), AXLE_M)
+    assert truths[Side.LEFT].marking == 1
+    assert Side.NEXT_LEFT not in truths
+
+
 def test_a_report_of_a_ghost_with_no_line_beside_it_has_no_truth():
     output = with_void(output_of([Drawn(y=straight(1.5), reported=Side.LEFT)]), 0)
     assert line_truths(output, AXLE_M)[Side.LEFT].marking == -1

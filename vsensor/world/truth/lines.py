@@ -48,7 +48,8 @@ class LineTruth:
     """The true line beside one reported or missing line.
 
     `marking` is its place in `scene.markings`, `line` that in the candidates; -1 if there is no line (then
-    all is NaN). `y_m` (len(RANGES_M),), NaN where the line does not reach. `coefficients` (4,) of the best
+    all is NaN). `y_m` (len(RANGES_M),), NaN where the line does not reach or another one overrides it (yellow
+    paint of a construction site). `coefficients` (4,) of the best
     cubic through the true line: uniform least squares at the true points that the reported fit used; for a
     predicted boundary at those within its x range, for a line that was not reported at all of the window.
     `whole` is the best cubic through all points of the window (P3 3.2). `taylor` (4,) is y, y', y''/2, y'''/6
@@ -193,12 +194,15 @@ def _used(output: Output, line: Boundary | None, chain: _Chain) -> Array:
 
 
 def _y_at_ranges(chain: _Chain) -> Array:
-    """Return y at RANGES_M, NaN where the line does not reach."""
-    between: Array = np.interp(_RANGES, chain.x, chain.y, left=np.nan, right=np.nan)
-    if chain.course is None:
-        return between
-    exact = chain.course.y_m[2:]
-    return np.where(np.isnan(exact), between, exact)
+    """Return y at RANGES_M, NaN where the line does not reach or another one overrides it."""
+    y: Array = np.interp(_RANGES, chain.x, chain.y, left=np.nan, right=np.nan)
+    if chain.course is not None:
+        exact = chain.course.y_m[2:]
+        y = np.where(np.isnan(exact), y, exact)
+    if not isinstance(chain.marking.valid, bool):
+        at = np.minimum(chain.points[:, 0].searchsorted(_RANGES), len(chain.index) - 1)
+        y[~chain.marking.valid[chain.index[at]]] = np.nan
+    return y
 
 
 def _at_axle(chain: _Chain, axle_m: float) -> tuple[float, float]:

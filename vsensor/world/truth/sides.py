@@ -23,16 +23,17 @@ BESIDE_M = 8.0
 def true_sides(candidates: LinePoints, snapshot: Snapshot) -> dict[Side, int]:
     """Return the line (place in `candidates`) on each side, by true lateral position beside the vehicle.
 
-    Counted are lines with paint within the window, at their first point with x >= 0. The nearest one
-    within OWN_LANE_M bounds the own lane; where none does, that side has no line, and the nearest one
-    within BESIDE_M is the next lane's. A line that begins ahead (yellow paint of a construction site) is
-    left out where it lies nearer than one that is beside the vehicle and bounds the own lane.
+    Counted are lines with paint within the window, at their first point with x >= 0, unless another line
+    overrides them there. The nearest one within OWN_LANE_M bounds the own lane; where none does, that side
+    has no line, and the nearest one within BESIDE_M is the next lane's. A line that begins ahead (yellow
+    paint of a construction site) is left out where it lies nearer than one that is beside the vehicle and
+    bounds the own lane.
     """
     starts = candidates.starts.tolist()
     lateral = []
     for k, (a, b) in enumerate(itertools.pairwise(starts)):
-        if counts(candidates, snapshot, k):
-            abeam = min(a + int(candidates.points_ego_m[a:b, 0].searchsorted(0.0)), b - 1)
+        abeam = _abeam(candidates, a, b)
+        if counts(candidates, snapshot, k) and not _is_overridden(candidates, snapshot, k, abeam):
             x, y, _ = candidates.points_ego_m[abeam].tolist()
             lateral.append((y, k, x > AHEAD_M))
     left = sorted((y, k, ahead) for y, k, ahead in lateral if 0.0 < y <= BESIDE_M)
@@ -55,7 +56,20 @@ def counts(candidates: LinePoints, snapshot: Snapshot, k: int) -> bool:
 
 
 def is_void(candidates: LinePoints, snapshot: Snapshot, k: int) -> bool:
-    """Return whether a line has paint within the window, but none that counts."""
-    index = candidates.index[candidates.starts[k] : candidates.starts[k + 1]]
+    """Return whether a line has paint within the window, but none that counts, or is overridden abeam."""
+    a, b = int(candidates.starts[k]), int(candidates.starts[k + 1])
+    if _is_overridden(candidates, snapshot, k, _abeam(candidates, a, b)):
+        return True
     marking = snapshot.scene.markings[int(candidates.marking[k])]
-    return not counts(candidates, snapshot, k) and bool(marking.painted[index].any())
+    return not counts(candidates, snapshot, k) and bool(marking.painted[candidates.index[a:b]].any())
+
+
+def _abeam(candidates: LinePoints, a: int, b: int) -> int:
+    """Return which of the points a to b - 1 of a line is the first beside the vehicle or ahead."""
+    return min(a + int(candidates.points_ego_m[a:b, 0].searchsorted(0.0)), b - 1)
+
+
+def _is_overridden(candidates: LinePoints, snapshot: Snapshot, k: int, point: int) -> bool:
+    """Return whether a line does not count at one of its points."""
+    marking = snapshot.scene.markings[int(candidates.marking[k])]
+    return not isinstance(marking.valid, bool) and not marking.valid[candidates.index[point]]
