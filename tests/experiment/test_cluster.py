@@ -15,7 +15,8 @@ fit.order = [1, 3]
 """
 
 
-def test_on_a_cluster_it_leaves_the_same_tables_cells_and_files(capsys, tmp_path, scheduler):
+def test_on_a_cluster_it_leaves_the_same_tables_cells_and_files(capsys, tmp_path, scheduler, monkeypatch):
+    monkeypatch.setattr("vsensor.experiment.report._page", lambda *words: [])  # pictures take their time
     path = written(tmp_path, MATRIX)
     for name, where in (("local", ("--workers", 1)), ("dask", ("--scheduler", scheduler))):
         status, out, err = vsensor(capsys, "experiment", path, "--quiet", "--out", tmp_path / name, *where)

@@ -42,7 +42,8 @@ def matrix(tmp_path):
     return path
 
 
-def test_a_storyboard_runs_with_every_value_of_a_parameter(matrix, tmp_path, capsys):
+def test_a_storyboard_runs_with_every_value_of_a_parameter(matrix, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("vsensor.experiment.report._page", lambda *words: [])  # pictures take their time
     out = tmp_path / "out"
     status, said, err = vsensor(capsys, "experiment", matrix, "--quiet", "--workers", 1, "--out", out)
     assert status == 0, said + err

@@ -204,6 +204,14 @@ def test_the_drive_ends_with_the_stop_trigger_and_with_the_road(tmp_path):
     assert rolling.duration_s == pytest.approx(1950 / 65, abs=0.011)
 
 
+def test_a_scenario_is_played_through_beforehand_no_longer_than_it_runs(tmp_path):
+    late = event("late", trigger(after(9)), speed(10))
+    path = written(tmp_path, text(stories=story(group(late))))
+    for seconds, is_told in ((5, False), (12, True)):
+        source = build_source(load_scenario(str(path), {"duration_s": seconds}))
+        assert any("event late starts" in note for note in source.notes) is is_told
+
+
 def test_a_scenario_that_stops_at_its_start_is_refused(tmp_path):
     stop = trigger(after(-1, "none"), tag="StopTrigger")
     with pytest.raises(StoryError, match="stops at its start"):

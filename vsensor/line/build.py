@@ -19,7 +19,7 @@ from vsensor.sources.driven import DrivenDrive
 from vsensor.sources.live import LiveDrive
 from vsensor.sources.manoeuvres import Plan, planned
 from vsensor.sources.map_drive import EgoConfig, MapDrive
-from vsensor.sources.storyboard import StoryboardConfig, StoryDrive
+from vsensor.sources.storyboard import LONGEST_REHEARSAL_S, StoryboardConfig, StoryDrive
 from vsensor.transmit import Transmitter
 
 
@@ -68,7 +68,8 @@ def build_source(scenario: Scenario) -> Source:
         return RecordedDrive.load(path, config.drive, config.road, scenario.folder, environment, reach_m)
     if path.suffix.lower() in STORY_SUFFIXES:
         _require_story(config)
-        return StoryDrive.load(path, config.storyboard, environment, reach_m)
+        rehearsal_s = min(config.duration_s or LONGEST_REHEARSAL_S, LONGEST_REHEARSAL_S)
+        return StoryDrive.load(path, config.storyboard, environment, reach_m, rehearsal_s)
     if config.storyboard != StoryboardConfig():
         raise ConfigError("storyboard: its keys are for an .xosc as source")
     ego = config.ego
