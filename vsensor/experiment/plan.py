@@ -1,6 +1,5 @@
 """The runs of a matrix as cells, and which of those that are finished count."""
 
-import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -60,9 +59,3 @@ def forget_incomplete(plan: Plan, store: Store, out: Path) -> None:
         folder = out / run_name(cell)
         if not all((folder / FILES[kind]).exists() for kind in cell["outputs"]):
             store.forget(cell_key(cell))
-
-
-def clear_parts(out: Path) -> None:
-    """Remove folders of runs that a crash left half done."""
-    for left in out.glob(".*.part"):
-        shutil.rmtree(left, ignore_errors=True)

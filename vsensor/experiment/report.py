@@ -11,7 +11,7 @@ from vsensor.experiment.course_plots import course_figures
 from vsensor.experiment.ecu import ECUS
 from vsensor.experiment.matrix import KEPT, Matrix, load_matrix
 from vsensor.experiment.page import page
-from vsensor.experiment.plan import Plan, clear_parts, forget_incomplete, make_plan
+from vsensor.experiment.plan import Plan, forget_incomplete, make_plan
 from vsensor.experiment.runs import FILES
 from vsensor.experiment.tables import (
     Broken,
@@ -25,6 +25,7 @@ from vsensor.experiment.tables import (
 from vsensor.image import import_opencv
 from vsensor.sinks.rows import writer_for
 from vsensor.study.cells import Outcome, run_cells
+from vsensor.study.folder import clear_parts
 from vsensor.study.report import counted, write_tables
 from vsensor.study.store import Store
 from vsensor.study.table import Row, aligned, replace_file

@@ -26,3 +26,9 @@ def own_folder(folder: Path, is_wanted: bool) -> Iterator[Path]:
         raise ConfigError(f"{folder}: cannot be written: {error.strerror or error}") from None
     finally:
         shutil.rmtree(beside, ignore_errors=True)
+
+
+def clear_parts(out: Path) -> None:
+    """Remove folders that a crash left half done."""
+    for left in out.glob(".*.part"):
+        shutil.rmtree(left, ignore_errors=True)

@@ -3,15 +3,16 @@
 import argparse
 
 from vsensor.cli.adding import Commands
-from vsensor.cli.video import calibrate
+from vsensor.cli.video import calibrate, make
 
 VIDEO_HELP = """\
 Lane offset from a front video: the camera found, offsets read, compared with CAN.
 
   vsensor video calibrate boards/*.jpg --board 9x6 --out camera.toml       the lens, from chessboards
+  vsensor video make events --events 100                                   made drives with truth and CAN
 """
 
-SUBS = (calibrate.add_calibrate,)
+SUBS = (calibrate.add_calibrate, make.add_make)
 """Each adds one subcommand; the order is that of --help."""
 
 

@@ -9,7 +9,7 @@ from vsensor.errors import ConfigError
 from vsensor.image import import_opencv
 from vsensor.sinks.rows import import_polars
 from vsensor.study.cells import Failure, Outcome, run_cells
-from vsensor.study.folder import own_folder
+from vsensor.study.folder import clear_parts, own_folder
 from vsensor.study.store import Store, cell_key
 from vsensor.video.made.drives import EVENT_S, planned
 from vsensor.video.made.event import EVENT, write_event
@@ -84,6 +84,7 @@ def make_events(options: MakeOptions) -> MakeReport:
     ]
     out = options.out.absolute()
     store = Store(out / "cells")
+    clear_parts(out)
     for cell in cells:
         if not (out / event_name(cell) / EVENT).is_file():
             store.forget(cell_key(cell))
