@@ -11,7 +11,7 @@ import signal
 import struct
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from operator import attrgetter
 from typing import BinaryIO, TextIO
@@ -82,11 +82,18 @@ def format_table(row: TableRow) -> str:
     return "\n".join(
         [
             f"{row.t_ns / 1e9:9.2f} s   tick {row.tick}   {3.6 * row.speed_mps:5.1f} km/h   {_state(row)}",
-            f"{'':10}  {'offset m':>9} {'heading mrad':>12} {'curvature 1/km':>14} {'range m':>11}  q  kind",
-            *(_line_text(SIDE_NAMES[side], row.lines[side]) for side in _LEFT_TO_RIGHT),
+            *line_texts(row.lines),
             f"{lateness}   frames {row.frames}   slots dropped {row.slots_dropped}",
         ]
     )
+
+
+def line_texts(lines: Sequence[TableLine | None]) -> list[str]:
+    """Return a header and the lines (in the order of Side) from left to right, None = not reported."""
+    return [
+        f"{'':10}  {'offset m':>9} {'heading mrad':>12} {'curvature 1/km':>14} {'range m':>11}  q  kind",
+        *(_line_text(SIDE_NAMES[side], lines[side]) for side in _LEFT_TO_RIGHT),
+    ]
 
 
 _LEFT_TO_RIGHT = (Side.NEXT_LEFT, Side.LEFT, Side.RIGHT, Side.NEXT_RIGHT)
@@ -131,18 +138,33 @@ def latest_records(pipe: BinaryIO, period_s: float) -> Iterator[bytes]:
 
 def show(pipe: BinaryIO, terminal: TextIO) -> None:
     """Draw the table in place until the pipe ends; the last table stays, the terminal is as before."""
-    up = ""
-    terminal.write(ENTER)
-    try:
+    with InPlace(terminal) as drawn:
         for record in latest_records(pipe, REDRAW_S):
-            text = format_table(unpacked(record))
-            lines = text.split("\n")
-            terminal.write(up + "".join(f"{line}\x1b[K\n" for line in lines))
-            terminal.flush()
-            up = f"\x1b[{len(lines)}F"
-    finally:
-        terminal.write(LEAVE)
-        terminal.flush()
+            drawn.show(format_table(unpacked(record)).split("\n"))
+
+
+class InPlace:
+    """Lines on a terminal that are drawn over again; the last ones stay, the terminal is as before."""
+
+    def __init__(self, terminal: TextIO) -> None:
+        self._terminal = terminal
+        self._drawn = 0
+
+    def __enter__(self) -> "InPlace":
+        """Hide the cursor; leaving the block shows it again."""
+        self._terminal.write(ENTER)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._terminal.write(LEAVE)
+        self._terminal.flush()
+
+    def show(self, lines: Sequence[str]) -> None:
+        """Draw the lines where those before stand, and clear what is left of these."""
+        up = f"\x1b[{self._drawn}F" if self._drawn else ""
+        self._terminal.write(up + "".join(f"{line}\x1b[K\n" for line in lines) + "\x1b[J")
+        self._terminal.flush()
+        self._drawn = len(lines)
 
 
 def main() -> int:
