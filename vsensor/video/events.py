@@ -7,6 +7,7 @@ images of the log ──criteria──► stretches where all hold ──at leas
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 from typing import Annotated
 
 import msgspec
@@ -14,10 +15,11 @@ import numpy as np
 
 from vsensor.errors import LogError
 from vsensor.profile.quantities import Indicator
-from vsensor.schema import Config
+from vsensor.schema import Config, check_schema, convert, read_toml
 from vsensor.types import Array, BoolArray
 from vsensor.video.can_signals import STALE_S, CanSignals
 
+SCHEMA = "vsensor.events/1"
 Metres = Annotated[float, msgspec.Meta(gt=0.0, le=100.0)]
 Rate = Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)]
 Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=3600.0)]
@@ -137,3 +139,24 @@ def _events(t_s: Array, holds: BoolArray, criteria: EventCriteria) -> Iterator[E
             )
             free_s = ends_s
             core_s = free_s + criteria.before_s
+
+
+def read_criteria(path: Path | None) -> EventCriteria:
+    """Read a file of criteria, the published ones without one; raises ConfigError."""
+    if path is None:
+        return EventCriteria()
+    return convert(check_schema(read_toml(path), SCHEMA, str(path)), EventCriteria, str(path))
+
+
+def event_lines(found: Found) -> list[str]:
+    """Return what was found, as text."""
+    whole = max(found.looked_s, 1e-9)
+    held = ", ".join(f"{name} {100.0 * held_s / whole:.0f} %" for name, held_s in found.held_s.items())
+    lines = [f"{len(found.events)} events in {found.looked_s:.1f} s; criteria hold: {held}"]
+    if found.events:
+        lines.append(f"{'event':>5} {'from s':>9} {'to s':>9} {'core s':>9}")
+    lines += [
+        f"{k:5d} {one.begins_s:9.2f} {one.ends_s:9.2f} {one.core_begins_s:9.2f}"
+        for k, one in enumerate(found.events)
+    ]
+    return lines

@@ -3,16 +3,27 @@
 import argparse
 
 from vsensor.cli.adding import Commands
-from vsensor.cli.video import calibrate, make
+from vsensor.cli.video import calibrate, evaluate, events, make, sensitivity, view
 
 VIDEO_HELP = """\
 Lane offset from a front video: the camera found, offsets read, compared with CAN.
 
   vsensor video calibrate boards/*.jpg --board 9x6 --out camera.toml       the lens, from chessboards
   vsensor video make events --events 100                                   made drives with truth and CAN
+  vsensor video events drive.blf                                           events in a long log
+  vsensor video evaluate events --out results                              methods against CAN and truth
+  vsensor video sensitivity results/rows/ours --camera camera.toml --out DIR   where the camera stands
+  vsensor video view drive.mp4 --camera camera.toml --rows rows.csv --out view.mp4   signals drawn
 """
 
-SUBS = (calibrate.add_calibrate, make.add_make)
+SUBS = (
+    calibrate.add_calibrate,
+    make.add_make,
+    events.add_events,
+    evaluate.add_evaluate,
+    sensitivity.add_sensitivity,
+    view.add_view,
+)
 """Each adds one subcommand; the order is that of --help."""
 
 

@@ -14,6 +14,8 @@ from vsensor.video.evaluate.statistics import Moments, Pooled
 BIN_M = 0.02
 WIDEST_M = 1.0
 """Histograms end here, or at the 99.5 % quantile if that is nearer; what lies beyond is told."""
+LEAST_STD_M = 1e-4
+"""Narrower normal distributions are not drawn."""
 SHOWN = ("general", "daytime", "nighttime", "straight", "curvy", "constant speed", "non-constant speed")
 
 
@@ -52,7 +54,7 @@ def _histogram(axes: Any, errors: Array, one: Pooled) -> None:
     x = np.linspace(-widest, widest, 401)
     total = np.sqrt(max(one.rms_m**2 - one.mean_m**2, 1e-12))
     axes.plot(x, norm.pdf(x, one.mean_m, total), color=COLOURS[1], lw=1.4, label="normal, total deviation")
-    if one.within_m > 0.0:
+    if one.within_m > LEAST_STD_M:
         label = "normal, published deviation"
         axes.plot(x, norm.pdf(x, one.mean_m, one.within_m), "--", color=COLOURS[2], lw=1.2, label=label)
     axes.axvline(0.0, color="black", lw=0.6)
@@ -73,17 +75,18 @@ def normals(methods: Mapping[str, Mapping[str, Pooled]]) -> Any:
     """Draw the normal distribution of each category, as published (fig. 3.16): a panel for each method."""
     figure = new_figure(5.5 * len(methods), 4.0)
     panels = figure.subplots(1, len(methods), squeeze=False, sharex=True)[0]
-    known = [one for figures in methods.values() for one in figures.values() if one.within_m > 0.0]
+    known = [one for figures in methods.values() for one in figures.values() if one.within_m > LEAST_STD_M]
     widest = max((abs(one.mean_m) + 3.0 * one.within_m for one in known), default=1.0)
     x = np.linspace(-widest, widest, 801)
     for axes, (method, figures) in zip(panels, methods.items(), strict=True):
         for name, colour in zip(SHOWN, COLOURS, strict=True):
-            if figures[name].within_m > 0.0:
+            if figures[name].within_m > LEAST_STD_M:
                 one = figures[name]
                 axes.plot(x, norm.pdf(x, one.mean_m, one.within_m), color=colour, label=name, lw=1.3)
         axes.axvline(0.0, color="black", lw=0.6)
         axes.set(xlabel="error, positive too far out (m)", ylabel="density (1/m)", title=method)
-    panels[-1].legend(fontsize=8)
+    if known:
+        panels[-1].legend(fontsize=8)
     return figure
 
 

@@ -1,6 +1,6 @@
 """What only a truth can tell: lines that are there and not reported, and those reported though absent."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import nan
 
@@ -78,3 +78,17 @@ def presence(events: Sequence[tuple[Truth, Array]], gross_m: float) -> Presence:
         reported=reported_n,
         gross=gross,
     )
+
+
+def presence_table(present: Mapping[str, Presence]) -> list[list[str]]:
+    """Return the shares of each method as words, a row of headings first."""
+    heads = ("method", "markings in the first 20 m", "reported", "no line in view", "reported though absent")
+    rows = [[*heads, "off by more than another line would"]]
+    for method, one in present.items():
+        shares = [_percent(share) for share in (one.availability, one.false_share, one.gross_share)]
+        rows.append([method, str(one.near), shares[0], str(one.absent), shares[1], shares[2]])
+    return rows
+
+
+def _percent(share: float) -> str:
+    return "-" if share != share else f"{100.0 * share:.2f} %"
