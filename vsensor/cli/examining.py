@@ -34,7 +34,12 @@ def density(arguments: argparse.Namespace) -> int:
     from vsensor.field.density_report import text_lines, write_density
     from vsensor.field.table import open_table
     from vsensor.field.thin import filling_drives, thin_cells
+    from vsensor.pages import require_folder, require_pictures
 
+    if arguments.no_pictures:
+        require_folder(arguments.out)
+    else:
+        require_pictures(arguments.out, "pictures (--no-pictures: arrays and tables only)")
     table = open_table(arguments.tables)
     candidates = table if arguments.candidates is None else open_table(arguments.candidates)
     with rows_bar(table, 2, arguments) as advance:

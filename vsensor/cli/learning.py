@@ -41,6 +41,7 @@ def tune(arguments: argparse.Namespace) -> int:
     from vsensor.field.tune import TuneOptions, tune_table
     from vsensor.field.tune.text import text_lines, write_plots
     from vsensor.field.virtual import FitSetting
+    from vsensor.pages import require_pictures, require_place
 
     options = TuneOptions(
         levels=arguments.levels or TuneOptions().levels,
@@ -57,6 +58,9 @@ def tune(arguments: argparse.Namespace) -> int:
         scheduler=arguments.scheduler,
         progress=shows_progress(arguments),
     )
+    require_place(arguments.out)
+    if arguments.plots is not None:
+        require_pictures(arguments.plots, "--plots")
     tuned = tune_table(open_table(arguments.tables), options)
     save_library(tuned.library, arguments.out)
     print("\n".join(text_lines(tuned)))
@@ -68,9 +72,12 @@ def tune(arguments: argparse.Namespace) -> int:
 def validate(arguments: argparse.Namespace) -> int:
     """`vsensor validate`: an error model against held-out drives."""
     from vsensor.field.table import open_table
-    from vsensor.field.validate import validate_model
+    from vsensor.field.validate import validate_model, write_json
     from vsensor.field.virtual import FitSetting
+    from vsensor.pages import require_place
 
+    if arguments.json is not None:
+        require_place(arguments.json)
     table = open_table(arguments.tables)
     with rows_bar(table, 1, arguments) as advance:
         found = validate_model(
@@ -82,6 +89,8 @@ def validate(arguments: argparse.Namespace) -> int:
             seed=arguments.seed or 0,
             progress=advance,
         )
+    if arguments.json is not None:
+        write_json(arguments.json, found.judged)
     print("\n".join(found.lines))
     return 0 if found.good else 1
 
@@ -139,6 +148,7 @@ def add_validate(commands: Commands) -> None:
     tables_argument(added)
     option = added.add_argument
     option("--out", type=Path, metavar="FILE", help="a page of figures and pictures: .html or .pdf")
+    option("--json", type=Path, metavar="FILE", help="write the verdict for programs")
     option("--limits", type=Path, metavar="FILE", help="limits that differ from the defaults: .toml")
     _fit_options(added)
     option("--seed", type=seed, metavar="N", help="of the virtual drives (0)")

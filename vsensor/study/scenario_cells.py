@@ -1,5 +1,6 @@
 """Runs of scenarios as cells: what sweep and experiment share, from the cell's content to its trace."""
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,8 @@ from vsensor.score import ERROR_RANGES_M, ErrorStats, SideScore
 from vsensor.signals import VehicleConfig
 from vsensor.sinks.trace import rows
 from vsensor.sinks.trace_file import COLUMNS, ROW
+from vsensor.sources import STORY_SUFFIXES
+from vsensor.sources.story_files import files_of
 from vsensor.study.digest import file_digest, program_digest, referenced_files
 from vsensor.types import Output
 
@@ -23,8 +26,16 @@ from vsensor.types import Output
 def scenario_cell(scenario: Scenario) -> dict[str, Any]:
     """Return all that a run depends on: the program, the files that the scenario names, its settings."""
     settings = msgspec.to_builtins(scenario.config)
-    files = referenced_files(settings, scenario.folder)
+    files = referenced_files(settings, scenario.folder) | _story_files(scenario)
     return {"program": program_digest(), "files": files, "scenario": settings}
+
+
+def _story_files(scenario: Scenario) -> dict[str, str]:
+    """Return {name seen from the scenario's folder: hash} of a storyboard's map and catalogs."""
+    if scenario.source.suffix.lower() not in STORY_SUFFIXES:
+        return {}
+    files = files_of(scenario.config.storyboard.story(scenario.source))
+    return {os.path.relpath(file, scenario.folder): file_digest(file) for file in files}
 
 
 def with_seed(cell: Mapping[str, Any], seed: int) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """What a sweep gives, as a table: one row per cell and side, CSV always, Parquet where polars is there."""
 
+import contextlib
 import csv
 import io
 import json
@@ -61,6 +62,9 @@ def replace_file(path: Path, content: bytes) -> None:
         beside.replace(path)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be written: {error.strerror or error}") from None
+    finally:
+        with contextlib.suppress(OSError):  # of a disk that is full, or Ctrl-C, nothing stays
+            beside.unlink(missing_ok=True)
 
 
 def summary_lines(sweep: Sweep, rows: Sequence[Row]) -> list[str]:
