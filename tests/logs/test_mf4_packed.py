@@ -6,8 +6,9 @@ import lz4.frame
 import numpy as np
 import pytest
 import zstandard
-from asammdf import MDF
+from asammdf import MDF, Signal
 
+from vsensor.cli import main
 from vsensor.errors import LogError, MissingExtraError
 from vsensor.logs import read_log, write_log
 from vsensor.logs.mf4_unzip import UnzipError, unzip
@@ -95,3 +96,14 @@ def test_a_header_that_names_no_block_is_refused(log, tmp_path):
     (tmp_path / "x.mf4").write_bytes(content)
     with pytest.raises(LogError, match="its header is damaged"):
         read_log(tmp_path / "x.mf4")
+
+
+def test_a_file_of_measured_signals_without_a_bus_is_refused_for_that_reason(tmp_path, capsys):
+    times = np.arange(100) / 100
+    with MDF(version="4.10") as mdf:
+        mdf.append([Signal(samples=times**2, timestamps=times, name="speed", unit="m/s")])
+        mdf.save(tmp_path / "daq.mf4")
+    with pytest.raises(LogError, match=r"daq\.mf4: .*the file holds no CAN bus logging"):
+        read_log(tmp_path / "daq.mf4")
+    assert main(["replay", str(tmp_path / "daq.mf4"), "--bus", "virtual:daq"]) == 2
+    assert capsys.readouterr().err.count("\n") == 1

@@ -4,8 +4,10 @@ import re
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime, timedelta
 
+import numpy as np
 import pytest
 
 from tests.accept.streams import found
@@ -318,13 +320,28 @@ def test_a_clock_that_jumps_ahead_by_years_is_told_in_days(tmp_path):
     assert any(line.startswith("no frame for 19676 days from 0.010 s") for line in told)
 
 
-def test_a_replay_begins_at_the_time_it_is_told(log, tmp_path):
+def test_two_players_begin_at_the_time_that_both_are_told(log, tmp_path):
     at = datetime.now(UTC) + timedelta(seconds=1.5)
-    out = tmp_path / "out.log"
-    options = ReplayOptions(path=log, bus="virtual:at", start_at=at.isoformat(), log=out)
-    replay_log(options, lambda text: None)
-    first_ns = int(read_log(out).t_ns[0])
-    assert first_ns == pytest.approx(at.timestamp() * 1e9, abs=2e6)
+    outs = [tmp_path / "one.log", tmp_path / "other.blf"]
+    options = [ReplayOptions(path=log, bus="virtual:at", start_at=at.isoformat(), log=out) for out in outs]
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(lambda one: replay_log(one, lambda text: None), options))
+    firsts_ns = [int(read_log(out).t_ns[0]) for out in outs]
+    assert firsts_ns == pytest.approx([at.timestamp() * 1e9] * 2, abs=2e6)
+
+
+def test_batches_are_spread_by_the_cycle_that_the_database_tells(tmp_path):
+    path = write_log(tmp_path / "a.log", [30 * (k // 3 + 1) for k in range(300)], ids=[0x123] * 300)
+    (tmp_path / "m.dbc").write_text(
+        'VERSION ""\nBO_ 291 M: 8 X\n SG_ A : 0|8@1+ (1,0) [0|0] "" X\nBA_DEF_ BO_ "GenMsgCycleTime" INT 0 9;\n'
+        'BA_DEF_DEF_ "GenMsgCycleTime" 0;\nBA_ "GenMsgCycleTime" BO_ 291 10;\n'
+    )
+    assert replay(path, "--smooth", "--dbc", tmp_path / "m.dbc", "--log", tmp_path / "b.log") == 0
+    steps_ms = np.diff(read_log(tmp_path / "b.log").t_ns)[100:] / 1e6
+    assert steps_ms.min() > 5
+    assert steps_ms.mean() == pytest.approx(10, abs=0.1)
+    assert replay(path, "--smooth", "--log", tmp_path / "c.log") == 0  # the median interval of batches is 0
+    assert np.diff(read_log(tmp_path / "c.log").t_ns)[100:].min() == 0
 
 
 def test_keys_hold_it_step_it_and_end_it(log):

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
@@ -66,7 +66,7 @@ class Choice:
 
     include: Selection | None = None
     exclude: Selection = Selection()
-    rename: Mapping[int, int]
+    rename: Mapping[int, int] = field(default_factory=dict[int, int])
 
     def mask(self, columns: Columns, channels: Mapping[str, int]) -> BoolArray:
         """Return which frames (N,) are played."""

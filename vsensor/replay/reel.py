@@ -49,20 +49,20 @@ class Reel:
         path: Path,
         head: Survey,
         *,
-        choice: Choice,
+        choice: Choice | None = None,
         pace: Pace | None = None,
         cut: Cut | None = None,
         sendable: Sendable | None = None,
         piece: int = PIECE,
     ) -> None:
-        """Prepare to read `path`, whose beginning is `head`.
+        """Prepare to read `path`, whose beginning is `head`; without a word all of it, once, as it is.
 
         `sendable` says which of the chosen frames (N,) some bus can take; the others are left out.
         """
         self.channels = head.channels
         self.ended = False
         self.chosen = 0
-        self._path, self._choice, self._size = path, choice, piece
+        self._path, self._choice, self._size = path, choice or Choice(), piece
         self._pace, self._cut = pace or Pace(), cut or Cut()
         self._sendable = sendable
         self._first_ns = head.start_ns

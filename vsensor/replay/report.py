@@ -17,7 +17,7 @@ class Report:
     first_late_ns: int | None = None
     last_late_ns: int = 0
     due_ns: int = 0  # of the latest frame
-    wall_s: float = 0.0
+    wall_s: float = 0.0  # 0: nobody measured it
     interrupted: bool = False
     names: dict[str, int] = field(default_factory=dict[str, int])  # of the channels -> their numbers
     fault: str | None = None  # why the log was not played to its end
@@ -65,7 +65,8 @@ class Report:
             f"{by_number.get(number, number)} {count}" for number, count in sorted(self.by_channel.items())
         )
         lines = [
-            f"frames sent {self.frames_sent} in {self.wall_s:.2f} s"
+            f"frames sent {self.frames_sent}"
+            + (f" in {self.wall_s:.2f} s" if self.wall_s else "")
             + (f" ({each})" if len(self.by_channel) > 1 else "")
             + f", refused by the bus {self.refused}, reordered {self.reordered}"
         ]
