@@ -99,6 +99,12 @@ def test_channels_go_to_the_buses_that_they_are_mapped_to(channels):
         (("--wait-for", "0x1", "--start-at", "2030-01-01"), "--wait-for and --start-at exclude each other"),
         (("--start-at", "2020-01-01"), "--start-at 2020-01-01: has passed"),
         (("--start-at", "noon"), "--start-at noon: s, or a time such as"),
+        (("--wait-for", "noon"), "--wait-for noon: an id was expected"),
+        (
+            ("--wait-for", "0x1", "--log", "x.log"),
+            "--wait-for: a frame is heard on a bus, and --log alone has",
+        ),
+        (("--rename", "0x1=0x2,0x1=0x3"), "--rename 0x1=0x3: 0x1 is renamed twice"),
         (("--dbc", "nosuch.dbc"), "nosuch.dbc: no such file"),
         (("--log", "nosuch/out.log"), "nosuch/out.log: cannot be written"),
         (("--log", "out.txt"), "not a log format that can be written"),
@@ -312,6 +318,14 @@ def test_who_waits_long_for_a_frame_is_told_once_for_how_long(tmp_path, words, s
     assert sum(said in line for line in told) == 1
 
 
+def test_who_cannot_keep_up_is_told_so_while_it_plays(tmp_path, monkeypatch):
+    monkeypatch.setattr("vsensor.replay.session.BEHIND_NS", 50_000_000)
+    path, told = write_log(tmp_path / "a.log", [k / 100 for k in range(20_000)], ids=[1] * 20_000), []
+    options = ReplayOptions(path=path, bus="virtual:slow", speed="100")
+    replay_log(options, told.append, lambda: any("behind" in line for line in told))
+    assert told[-1].endswith(" s behind: frames are due faster than they can be sent here")
+
+
 def test_a_clock_that_jumps_ahead_by_years_is_told_in_days(tmp_path):
     path = write_log(tmp_path / "gap.log", [0, 10, 1_700_000_000_000])
     told = []
@@ -332,9 +346,10 @@ def test_two_players_begin_at_the_time_that_both_are_told(log, tmp_path):
 
 def test_batches_are_spread_by_the_cycle_that_the_database_tells(tmp_path):
     path = write_log(tmp_path / "a.log", [30 * (k // 3 + 1) for k in range(300)], ids=[0x123] * 300)
+    signal = ' SG_ A : 0|8@1+ (1,0) [0|0] "" X\n'
+    cycle = 'BA_DEF_ BO_ "GenMsgCycleTime" INT 0 9;\nBA_DEF_DEF_ "GenMsgCycleTime" 0;\n'
     (tmp_path / "m.dbc").write_text(
-        'VERSION ""\nBO_ 291 M: 8 X\n SG_ A : 0|8@1+ (1,0) [0|0] "" X\nBA_DEF_ BO_ "GenMsgCycleTime" INT 0 9;\n'
-        'BA_DEF_DEF_ "GenMsgCycleTime" 0;\nBA_ "GenMsgCycleTime" BO_ 291 10;\n'
+        f'VERSION ""\nBO_ 291 M: 8 X\n{signal}{cycle}BA_ "GenMsgCycleTime" BO_ 291 10;\n'
     )
     assert replay(path, "--smooth", "--dbc", tmp_path / "m.dbc", "--log", tmp_path / "b.log") == 0
     steps_ms = np.diff(read_log(tmp_path / "b.log").t_ns)[100:] / 1e6

@@ -104,7 +104,7 @@ def choice(
     return Choice(
         include=selection("--include", include, names) if include else None,
         exclude=selection("--exclude", exclude, names),
-        rename=dict(_renaming(word) for word in _words(rename)),
+        rename=_renamings(_words(rename)),
     )
 
 
@@ -156,6 +156,16 @@ def _named(option: str, word: str, names: Names | None) -> frozenset[int]:
     near = get_close_matches(word, [*names.messages, *names.senders], n=1)
     hint = f"; did you mean {near[0]}?" if near else ""
     raise ConfigError(f"{option} {word}: no message and no sender of the database{hint}")
+
+
+def _renamings(words: Sequence[str]) -> dict[int, int]:
+    found: dict[int, int] = {}
+    for word in words:
+        old, new = _renaming(word)
+        if old in found:
+            raise ConfigError(f"--rename {word}: {word.partition('=')[0]} is renamed twice")
+        found[old] = new
+    return found
 
 
 def _renaming(word: str) -> tuple[int, int]:

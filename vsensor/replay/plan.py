@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from vsensor.errors import ConfigError
 from vsensor.replay.beat import Beat, beat_of
-from vsensor.replay.choice import EXTENDED_KEY, Choice, Names, keys_of
-from vsensor.replay.options import ReplayOptions, log_time_ns, speed_of
+from vsensor.replay.choice import EXTENDED_KEY, Choice, Names, key, keys_of
+from vsensor.replay.options import ReplayOptions, epoch_ns, log_time_ns, speed_of
 from vsensor.replay.reading import Cut, Survey
 from vsensor.replay.reel import PIECE, Reel, Sendable
 from vsensor.replay.smooth import measured_cycles
@@ -31,6 +31,12 @@ def require_sense(options: ReplayOptions) -> None:
         raise ConfigError("--loop 0 plays for ever, which --as-fast-as-possible cannot: give a number")
     if options.wait_for is not None and options.start_at is not None:
         raise ConfigError("--wait-for and --start-at exclude each other: one of them starts the replay")
+    if options.wait_for is not None:
+        key("--wait-for", options.wait_for)
+        if options.fast and not options.bus and not options.map:
+            raise ConfigError("--wait-for: a frame is heard on a bus, and --log alone has none: give --bus")
+    if options.start_at is not None:
+        epoch_ns("--start-at", options.start_at)
     if options.take_over is not None and options.overlay is None:
         raise ConfigError("--take-over: needs --overlay, whose sensor shows the ECU where it steers")
     if options.take_over is not None and options.speed != "1":

@@ -38,6 +38,7 @@ START_UP_NS = 20_000_000  # from the end of loading to the first frame
 POLL_S = 0.001
 JUMP_S = 5.0  # of an arrow key
 LONG_WAIT_S, DAY_S = 10.0, 86_400.0
+BEHIND_NS = 1_000_000_000
 
 
 def replay_log(
@@ -174,7 +175,7 @@ def _wait(
 def _play(player: Player, stopped: Callable[[], bool], keys: Keys | None, say: Say) -> None:
     began_s = time.monotonic()
     ended: list[bool] = []  # by the key q, which is no interruption
-    looked_ns, told_ns = 0, -1
+    looked_ns, told_ns, behind_ns = 0, -1, BEHIND_NS
     for _ in played(player, lambda: bool(ended) or stopped()):
         if player.now_ns - looked_ns < REST_NS:
             continue
@@ -182,6 +183,10 @@ def _play(player: Player, stopped: Callable[[], bool], keys: Keys | None, say: S
         if player.report.real_time and looked_ns > told_ns and player.wait_s > LONG_WAIT_S:
             told_ns = looked_ns + round(player.wait_s * 1e9)
             say(_silence(player))
+        if player.report.last_late_ns > behind_ns:
+            behind_ns = 10 * player.report.last_late_ns
+            late_s = player.report.last_late_ns / 1e9
+            say(f"{late_s:.1f} s behind: frames are due faster than they can be sent here")
         for name in () if keys is None else keys():
             if name == "q":
                 ended.append(True)
