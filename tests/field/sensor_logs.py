@@ -10,14 +10,19 @@ LATER_NS = 300_000
 """Frames of the vehicle stand between the sensor's."""
 
 
-def record(path, *, seconds, scenario="highway", profile=None, dbc=None, start_ns=0, **overrides):
-    """Run a scenario in simulated time and log it, the vehicle's frames every 20 ms; return the path."""
+def record(path, *, seconds, scenario="highway", profile=None, dbc=None, start_ns=0, sink=None, **overrides):
+    """Run a scenario in simulated time and log it, the vehicle's frames every 20 ms; return the path.
+
+    A `sink` gets every output, too.
+    """
     gateway, frames = Gateway(), []
     with Session(scenario, profile=profile, dbc=dbc, overrides=overrides) as sensor:
         before = None
         for _ in range(round(seconds / 0.04)):
             output = sensor.step()
             frames += output.frames
+            if sink is not None:
+                sink.write(output)
             ego = output.snapshot.ego
             now = (ego.t_ns, *ego.position_world_m[:2], ego.yaw_rad, ego.speed_mps, ego.yaw_rate_radps)
             if before is not None:

@@ -3,7 +3,7 @@
 log --decode--> images, motion --reference, masks--> rows --> TABLE/<log id>.parquet
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -58,9 +58,11 @@ class ScanOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Scanned:
-    """A log ready to be made into rows, and what is known of it so far."""
+    """A log ready to be made into rows, what was decoded of it, and what is known of it so far."""
 
     work: Work
+    frames: DecodedFrames
+    profiles: tuple[Profile, ...]
     info: Info
     notes: tuple[str, ...]
 
@@ -91,12 +93,14 @@ def scan_log(log: Path, log_id: str, out: Path, options: ScanOptions) -> Info:
     return info
 
 
-def prepare(log: Path, log_id: str, options: ScanOptions) -> Scanned:
-    """Read a log and lay its reference; raises as scan_log."""
+def prepare(
+    log: Path, log_id: str, options: ScanOptions, progress: Callable[[int], None] | None = None
+) -> Scanned:
+    """Read a log and lay its reference; raises as scan_log. `progress` is told how many bytes are read."""
     limits = load_scan_limits(None if options.limits is None else Path(options.limits))
     profiles = load_profiles(options.profiles, None if options.dbc is None else Path(options.dbc))
     profile = line_profile(profiles, str(log))
-    table, jumps_ns, clock_notes = with_steady_clock(read_log(log))
+    table, jumps_ns, clock_notes = with_steady_clock(read_log(log, progress))
     frames = decode_frames(table, profiles)
     images = images_of(frames, profile, limits, options.sides(), str(log))
     if len(images) < 2:
@@ -105,7 +109,7 @@ def prepare(log: Path, log_id: str, options: ScanOptions) -> Scanned:
     work = _work(log, log_id, options, limits, frames, images, motion)
     notes = (*frames.findings[1:], *clock_notes, *images.notes, *motion.notes, *work.reference.notes)
     info = _info(log, log_id, options, profiles, work, notes)
-    return Scanned(work=work, info=info, notes=notes)
+    return Scanned(work=work, frames=frames, profiles=tuple(profiles), info=info, notes=notes)
 
 
 def _work(

@@ -89,14 +89,20 @@ def read_chunks(
         notes.fault = str(error)
 
 
-def read_log(path: Path | str) -> LogTable:
+def read_log(path: Path | str, progress: Callable[[int], None] | None = None) -> LogTable:
     """Read a whole log. Good lines and the frames before a fault are used; `.report` says what was not.
 
-    Raises LogError if there is no such file, its format is not known, or it holds no frame at all.
+    `progress` is told how many bytes have been read. Raises LogError if there is no such file, its format is
+    not known, or it holds no frame at all.
     """
     path = Path(path)
     notes = Notes()
-    columns = joined(list(read_chunks(path, notes)))
+    chunks = []
+    for columns in read_chunks(path, notes):
+        chunks.append(columns)
+        if progress is not None:
+            progress(notes.read_bytes)
+    columns = joined(chunks)
     if not len(columns.t_ns):
         raise LogError(f"{path}: {notes.why_empty()}")
     return table_from(str(path), columns, notes)
