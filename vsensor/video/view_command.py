@@ -19,7 +19,7 @@ from vsensor.video.can_signals import CanSignals, read_can
 from vsensor.video.frames import PictureReader, open_pictures
 from vsensor.video.rows import Rows, read_rows
 from vsensor.video.types import Picture
-from vsensor.video.views import GREEN, METHOD_COLOURS, Signal, Views
+from vsensor.video.views import GREEN, METHOD_COLOURS, REFERENCE_PX, Signal, Views
 
 MOST_AWAY_S = 0.5
 """A row farther from a picture's time than this, or than half a period of the rows, is not drawn."""
@@ -110,7 +110,15 @@ def signals_at(
         left, right = (float(can.linear(f"{side}.lane_offset_m", at)[0]) for side in ("left", "right"))
         known = [one.heading_rad for one in found if one.heading_rad == one.heading_rad]
         heading = known[0] if known else 0.0
-        found.append(Signal(name="CAN", colour=GREEN, left_m=left, right_m=right, heading_rad=heading))
+        told = Signal(
+            name="CAN",
+            colour=GREEN,
+            left_m=left,
+            right_m=right,
+            heading_rad=heading,
+            thick_px=REFERENCE_PX,
+        )
+        found.insert(0, told)
     return found
 
 

@@ -24,6 +24,8 @@ Colour = tuple[int, int, int]
 MAGENTA, GREEN, CYAN, ORANGE = (255, 0, 255), (0, 230, 0), (255, 220, 0), (0, 160, 255)
 """Blue, green, red. P2 draws the video's signal in magenta, the CAN bus's in green."""
 METHOD_COLOURS = (MAGENTA, CYAN, ORANGE)
+REFERENCE_PX = 5
+"""A reference is drawn first and thicker, so that what is drawn upon it leaves its borders."""
 
 AHEAD_M = 15.0
 """So far ahead of the front axle a signal is drawn, along the lane's direction."""
@@ -43,6 +45,7 @@ class Signal:
     left_m: float
     right_m: float
     heading_rad: float = 0.0
+    thick_px: int = 2
 
     def points(self, axle_x_m: float) -> list[Array]:
         """Return the lines (K, 3) on the road, ego frame, that are known."""
@@ -76,7 +79,7 @@ class Views:
             for points in signal.points(self._axle_x_m):
                 pixels = project(self._camera, transform(self._camera.camera_from_body, points))
                 seen = pixels[in_image(self._camera, pixels)]
-                self._draw(image, (seen + 0.5) * self._zoom - 0.5, signal.colour)
+                self._draw(image, (seen + 0.5) * self._zoom - 0.5, signal)
         return np.asarray(image, np.uint8)
 
     def top(self, picture: Picture, signals: Sequence[Signal]) -> Pixels:
@@ -86,7 +89,7 @@ class Views:
         self._grid(image)
         for signal in signals:
             for points in signal.points(self._axle_x_m):
-                self._draw(image, self._top_pixels(points), signal.colour)
+                self._draw(image, self._top_pixels(points), signal)
         return np.asarray(image, np.uint8)
 
     def both(self, picture: Picture, signals: Sequence[Signal]) -> Pixels:
@@ -124,15 +127,16 @@ class Views:
         u = int(TOP_LATERAL_M * self._per_m)
         self._cv2.line(image, (u, self._height_px - 16), (u, self._height_px - 1), (255, 255, 255), 1)
 
-    def _draw(self, image: Pixels, pixels: Array, colour: Colour) -> None:
+    def _draw(self, image: Pixels, pixels: Array, signal: Signal) -> None:
         if len(pixels) > 1:
             fixed = np.round(pixels * 16.0).astype(np.int32).reshape(-1, 1, 2)
-            self._cv2.polylines(image, [fixed], False, colour, 2, self._cv2.LINE_AA, 4)
+            self._cv2.polylines(image, [fixed], False, signal.colour, signal.thick_px, self._cv2.LINE_AA, 4)
 
     def _text(self, image: Pixels, text: str, place: tuple[int, int], colour: Colour) -> None:
         font = self._cv2.FONT_HERSHEY_SIMPLEX
-        for shade, thickness in (((0, 0, 0), 4), (colour, 1)):
-            self._cv2.putText(image, text, place, font, 0.55, shade, thickness, self._cv2.LINE_AA)
+        for shade, step in (((0, 0, 0), 1), (colour, 0)):
+            at = place[0] + step, place[1] + step
+            self._cv2.putText(image, text, at, font, 0.55, shade, 1, self._cv2.LINE_AA)
 
 
 def _bgr(picture: Picture) -> Pixels:

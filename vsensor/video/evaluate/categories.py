@@ -99,7 +99,10 @@ def table_of(figures: Mapping[str, Pooled]) -> list[list[str]]:
     """Return the table as words: headings, then a row per category that has a value."""
     rows = [["type of case", *(heading for heading, _ in COLUMNS.values())]]
     for category, one in figures.items():
-        rows.append([category, *(_word(getattr(one, name), form) for name, (_, form) in COLUMNS.items())])
+        words = {name: _word(getattr(one, name), form) for name, (_, form) in COLUMNS.items()}
+        if one.cases < 2:
+            words["between_m"] = "-"
+        rows.append([category, *words.values()])
     return rows
 
 

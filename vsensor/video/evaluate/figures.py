@@ -11,9 +11,9 @@ from vsensor.types import Array
 from vsensor.video.evaluate.categories import Compared, errors_in
 from vsensor.video.evaluate.statistics import Moments, Pooled
 
-BIN_M = 0.02
-WIDEST_M = 1.0
-"""Histograms end here, or at the 99.5 % quantile if that is nearer; what lies beyond is told."""
+BINS = 50
+WIDEST_M, NARROWEST_M = 1.0, 0.05
+"""Histograms end at the 99.5 % quantile of |e|, within these; what lies beyond is told."""
 LEAST_STD_M = 1e-4
 """Narrower normal distributions are not drawn."""
 SHOWN = ("general", "daytime", "nighttime", "straight", "curvy", "constant speed", "non-constant speed")
@@ -44,12 +44,17 @@ def _histogram(axes: Any, errors: Array, one: Pooled) -> None:
     if not len(errors):
         axes.text(0.5, 0.5, "no measurement", ha="center", va="center", transform=axes.transAxes)
         return
-    widest = min(WIDEST_M, max(5 * BIN_M, float(np.quantile(np.abs(errors), 0.995))))
-    edges = np.arange(-widest, widest + BIN_M, BIN_M)
+    widest = float(np.clip(np.quantile(np.abs(errors), 0.995), NARROWEST_M, WIDEST_M))
+    edges = np.linspace(-widest, widest, BINS + 1)
     inside = np.abs(errors) <= widest
     counts, _ = np.histogram(errors[inside], edges)
     axes.stairs(
-        counts / (len(errors) * BIN_M), edges, fill=True, color=COLOURS[0], alpha=0.45, label="errors"
+        counts / (len(errors) * (edges[1] - edges[0])),
+        edges,
+        fill=True,
+        color=COLOURS[0],
+        alpha=0.45,
+        label="errors",
     )
     x = np.linspace(-widest, widest, 401)
     total = np.sqrt(max(one.rms_m**2 - one.mean_m**2, 1e-12))
@@ -94,7 +99,8 @@ def event_biases(methods: Mapping[str, Sequence[Compared]]) -> Any:
     """Draw each event's mean error and its deviation: what the published deviation leaves out."""
     figure = new_figure(9.0, 1.0 + 2.4 * len(methods))
     panels = figure.subplots(len(methods), 1, squeeze=False, sharex=True)[:, 0]
-    for axes, (method, events), colour in zip(panels, methods.items(), COLOURS, strict=False):
+    for axes, (method, events) in zip(panels, methods.items(), strict=True):
+        colour = colour_of(method)
         moments = [Moments.of(one.error_m) for one in events]
         x = np.arange(len(moments)) + 1
         mean = np.array([one.mean_m for one in moments])
@@ -121,7 +127,8 @@ def offsets_over_time(name: str, t_s: Array, told: Mapping[str, Array], truth: A
     for column, (axes, side) in enumerate(zip(panels, ("left", "right"), strict=True)):
         if truth is not None:
             axes.plot(t_s, np.abs(truth[:, column]), color="black", lw=2.6, alpha=0.25, label="truth")
-        for (label, offset), colour in zip(told.items(), _SIGNAL_COLOURS, strict=False):
+        for place, (label, offset) in enumerate(told.items()):
+            colour = colour_of(label, place)
             axes.plot(t_s, np.abs(offset[:, column]), ".-", color=colour, lw=0.9, ms=3, label=label)
         axes.set_ylabel(f"{side} (m)")
     panels[0].legend(fontsize=8, ncols=4)
@@ -130,17 +137,18 @@ def offsets_over_time(name: str, t_s: Array, told: Mapping[str, Array], truth: A
     return figure
 
 
-_SIGNAL_COLOURS = (COLOURS[2], COLOURS[4], COLOURS[0], COLOURS[1])
-"""CAN green, the published method magenta, as in P2; ours blue."""
+def colour_of(name: str, place: int = 0) -> str:
+    """Return the colour of a signal: P2 has CAN green and its own magenta."""
+    known = {"CAN": COLOURS[2], "published": COLOURS[4], "ours": COLOURS[0]}
+    return known.get(name, COLOURS[(1, 3, 5)[place % 3]])
 
 
 def errors_by_confidence(methods: Mapping[str, tuple[Array, Array]]) -> Any:
     """Draw the 95 % of |e| and the number of values for each confidence; (errors, confidences) (M,) each."""
     figure = new_figure(9.0, 3.4)
     left, right = figure.subplots(1, 2)
-    for place, ((method, (errors, confidence)), colour) in enumerate(
-        zip(methods.items(), COLOURS, strict=False)
-    ):
+    for place, (method, (errors, confidence)) in enumerate(methods.items()):
+        colour = colour_of(method, place)
         size, share = [], []
         for level in range(1, 5):
             here = np.abs(errors[(confidence == level) & np.isfinite(errors)])

@@ -26,8 +26,9 @@ from vsensor.video.evaluate.statistics import Moments
 from vsensor.video.evaluate.truth import Presence, presence_table
 from vsensor.video.frames import open_pictures
 from vsensor.video.rows import write_rows
-from vsensor.video.views import GREEN, METHOD_COLOURS, Signal, Views
+from vsensor.video.views import CYAN, GREEN, MAGENTA, ORANGE, REFERENCE_PX, Signal, Views
 
+_VIEW_COLOURS = {"published": MAGENTA, "ours": CYAN}
 SHOWN_EVENTS = 4
 """Events whose signals are drawn, evenly among all by their error, the least and the greatest with them."""
 
@@ -184,12 +185,19 @@ def _signals(one: Judged, methods: Sequence[str], k: int) -> list[Signal]:
     headings = [float(one.rows[method].heading_rad[k]) for method in methods]
     known = [heading for heading in headings if heading == heading]
     heading = known[-1] if known else 0.0
-    told = [("CAN", GREEN, one.reference.offset_m, heading)]
+    told = [("CAN", GREEN, one.reference.offset_m, heading, REFERENCE_PX)]
     told += [
-        (method, colour, one.offsets(method), own)
-        for method, colour, own in zip(methods, METHOD_COLOURS, headings, strict=False)
+        (method, _VIEW_COLOURS.get(method, ORANGE), one.offsets(method), own, 2)
+        for method, own in zip(methods, headings, strict=True)
     ]
     return [
-        Signal(name=name, colour=colour, left_m=float(o[k, 0]), right_m=float(o[k, 1]), heading_rad=own)
-        for name, colour, o, own in told
+        Signal(
+            name=name,
+            colour=colour,
+            left_m=float(offset[k, 0]),
+            right_m=float(offset[k, 1]),
+            heading_rad=own,
+            thick_px=thick,
+        )
+        for name, colour, offset, own, thick in told
     ]

@@ -8,10 +8,10 @@ from typing import Any
 from vsensor.pages import html_image
 
 STYLE = """
-body { font: 15px/1.45 system-ui, sans-serif; margin: 2em auto; max-width: 75em; padding: 0 1em; color: #222 }
+body { font: 15px/1.45 system-ui, sans-serif; margin: 2em auto; max-width: 86em; padding: 0 1em; color: #222 }
 table { border-collapse: collapse; font-size: 13px; margin: .6em 0 }
-td, th { padding: .2em .7em; border-bottom: 1px solid #ddd }
-td { text-align: right } td:first-child, th:first-child { text-align: left } th { text-align: right }
+td, th { padding: .2em .5em; border-bottom: 1px solid #ddd; text-align: right }
+th { max-width: 7em; vertical-align: bottom } td:first-child, th:first-child { text-align: left }
 .beside { display: flex; flex-wrap: wrap; gap: 0 2.5em } figure { margin: 1.5em 0 } img { max-width: 100% }
 figcaption { color: #555 } .note { color: #555 }
 """
