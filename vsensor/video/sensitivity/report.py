@@ -168,7 +168,10 @@ def joint_table(together: Shares) -> list[list[str]]:
     """Return the joint effects of pairs, the largest first."""
     ordered = sorted(together.joint.items(), key=lambda item: -abs(item[1][0]))
     rows = [["joint effect", "share", "+-"]]
-    rows += [[" and ".join(pair), f"{100 * v:+.2f} %", f"{100 * h:.2f} %"] for pair, (v, h) in ordered]
+    rows += [
+        [" and ".join(pair), f"{round(100 * v, 2) + 0.0:+.2f} %", f"{100 * h:.2f} %"]
+        for pair, (v, h) in ordered
+    ]
     return rows
 
 
