@@ -70,7 +70,7 @@ def run_scenario(
         keep_memory()
         warm_up(line, period_ns)
         sinks = _sinks(scenario, options, line, stack)
-        _say_start(bus, line, say)
+        say_start(bus, line, say)
         too_late = [] if ticks is None else _never_happen(line.timeline, ticks * period_ns)
         for text in (*line.source.notes, *line.source.findings, *line.uneven(period_ns), *too_late):
             say(text)
@@ -180,7 +180,8 @@ def _control(options: RunOptions, stack: contextlib.ExitStack, say: Say) -> Cont
     return server
 
 
-def _say_start(bus: FrameBus | None, line: Line, say: Say) -> None:
+def say_start(bus: FrameBus | None, line: Line, say: Say) -> None:
+    """Say what is sent where, and what is odd about the bus."""
     if bus is not None:
         say(f"sending on {bus.name} {_rhythm(line)}, profile {line.profile.name}")
         if bus.remark:

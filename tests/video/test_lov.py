@@ -58,6 +58,12 @@ def test_of_nothing_nothing_is_made():
     assert np.isnan(filled(CONFIG, T_S, np.full(60, NAN))).all()
 
 
+def test_a_left_offset_that_is_refused_has_no_confidence():
+    rows = rows_from([(0.0, 4.5, -1.7, 6.2, 0.0, 3, 3)])
+    assert processed(CONFIG, rows).left_confidence[0] == 0
+    assert processed(CONFIG, rows).right_confidence[0] == 3
+
+
 def test_what_is_filled_has_no_confidence_and_what_is_refused_no_width():
     rows = rows_from([(0.1 * k, 1.5, -1.7 if k != 2 else -7.0, 3.2, 0.0, 3, 3) for k in range(5)])
     bare = processed(CONFIG, rows)

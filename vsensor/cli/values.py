@@ -12,6 +12,14 @@ def positive(text: str) -> float:
     return value
 
 
+def moment(text: str) -> float:
+    """Return seconds from 0."""
+    value = _number(text)
+    if not 0.0 <= value <= 31_536_000.0:
+        raise argparse.ArgumentTypeError(f"{text} s: expected a time from 0, at most a year")
+    return value
+
+
 def metres(text: str) -> float:
     """Return metres along the road."""
     value = _number(text)

@@ -7,7 +7,7 @@ import numpy as np
 
 from vsensor.errors import LogError
 from vsensor.profile import Profile
-from vsensor.types import Array
+from vsensor.types import NANOSECONDS_PER_SECOND, Array
 from vsensor.video.can_signals import read_can
 from vsensor.video.types import Motion
 
@@ -18,15 +18,28 @@ QUANTITIES = {
 }
 
 
-def read_motions(log: Path, profiles: Sequence[Profile], t_s: Array) -> list[Motion]:
-    """Return the motion at the times (N,) of pictures, which count from the log's first frame.
+class CanMotion:
+    """The motion of a log in the time of a video that began `begins_s` after the log's first frame."""
 
-    Raises LogError where the log has none of the quantities, or none of the time.
-    """
-    signals = read_can(log, profiles)
-    signals.require_overlap(float(t_s[0]), float(t_s[-1]))
-    found = {field: signals.linear(name, t_s) for field, name in QUANTITIES.items()}
-    if not any(np.isfinite(values).any() for values in found.values()):
-        raise LogError(f"{log}: says nothing of {', '.join(QUANTITIES.values())} during the video")
-    rows = zip(*(values.tolist() for values in found.values()), strict=True)
-    return [Motion(**dict(zip(found, row, strict=True))) for row in rows]
+    def __init__(self, log: Path, profiles: Sequence[Profile], begins_s: float, lasts_s: float) -> None:
+        """Read the log; raises LogError where it says nothing of the motion, or not of this time."""
+        self._signals, self._begins_s = read_can(log, profiles), begins_s
+        self._signals.require_overlap(begins_s, begins_s + lasts_s)
+        if not set(QUANTITIES.values()) & set(self._signals.series):
+            names = ", ".join(profile.name for profile in profiles)
+            raise LogError(f"{log}: has none of {', '.join(QUANTITIES.values())} as profile {names} reads it")
+
+    def at(self, t_ns: int) -> Motion:
+        """Return the motion at a time of the video."""
+        return self.during(np.array([t_ns / NANOSECONDS_PER_SECOND]))[0]
+
+    def during(self, t_s: Array) -> list[Motion]:
+        """Return the motion at times (N,) of the video."""
+        found = [self._signals.linear(name, t_s + self._begins_s).tolist() for name in QUANTITIES.values()]
+        return [Motion(**dict(zip(QUANTITIES, row, strict=True))) for row in zip(*found, strict=True)]
+
+
+def read_motions(log: Path, profiles: Sequence[Profile], t_s: Array) -> list[Motion]:
+    """Return the motion at times (N,), ascending, of a log; raises as CanMotion."""
+    begins_s = float(t_s[0])
+    return CanMotion(log, profiles, begins_s, float(t_s[-1]) - begins_s).during(t_s - begins_s)

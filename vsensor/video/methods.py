@@ -78,7 +78,10 @@ def require_method(name: str) -> None:
 def rows_by(name: str, setup: Setup, estimates: Sequence[LaneEstimate]) -> Rows:
     """Return the rows of what a method found, with what belongs to it afterwards."""
     rows = rows_of(setup.vehicle, estimates)
-    return lov.processed(setup.settings.lov, rows) if _kind(name).has_lov else rows
+    if not _kind(name).has_lov:
+        return rows
+    kept = believed(lov.processed(setup.settings.lov, rows), estimates)  # without the headings of the others
+    return lov.processed(setup.settings.lov, rows_of(setup.vehicle, kept))
 
 
 def believed(rows: Rows, estimates: Sequence[LaneEstimate]) -> list[LaneEstimate]:

@@ -112,11 +112,16 @@ def require_writable(path: Path) -> None:
     """Raise ConfigError or MissingExtraError for a file that `write_rows` will not be able to write."""
     if path.suffix not in SUFFIXES:
         raise ConfigError(f"{path}: ends in {path.suffix or 'nothing'}; {', '.join(SUFFIXES)} were expected")
+    require_place(path)
+    if path.suffix == ".parquet":
+        _polars("a Parquet table")
+
+
+def require_place(path: Path) -> None:
+    """Raise ConfigError for a place where no file can be."""
     if path.is_dir() or not path.parent.is_dir():
         where = "is a folder" if path.is_dir() else f"there is no folder {path.parent}"
         raise ConfigError(f"{path}: cannot be written: {where}")
-    if path.suffix == ".parquet":
-        _polars("a Parquet table")
 
 
 def write_rows(path: Path, rows: Rows) -> None:

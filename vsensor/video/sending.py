@@ -4,8 +4,9 @@ pictures ─► estimates ─► VideoDrive (speed, yaw rate) ─► Line: state
                     └──► `sense` in place of the sensor's ──^
 """
 
+import contextlib
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import gcd
 
 import numpy as np
@@ -14,8 +15,11 @@ from vsensor import sensor as sensing
 from vsensor.camera import CameraConfig
 from vsensor.line import Line
 from vsensor.profile import Profile
+from vsensor.run import RunOptions, Say, keep_memory, open_run_bus, play_line, say_start, warm_up
+from vsensor.runner import Summary
 from vsensor.sensor import Lap, Sensed, Sensor, SensorConfig
 from vsensor.signals import VehicleConfig
+from vsensor.sinks.log import LogSink
 from vsensor.sources import Inputs
 from vsensor.state import StateConfig
 from vsensor.transmit import Transmitter, common_ns
@@ -56,12 +60,12 @@ class VideoDrive:
         """Take estimates and motions of the pictures in their order, and the time from one to the next."""
         self.estimates, self._motions, self._environment = estimates, motions, environment
         self._times_ns = [one.exposed_at_ns for one in estimates]
-        self._end_ns = self._times_ns[-1] + picture_ns
+        self.end_ns = self._times_ns[-1] + picture_ns
 
     @property
     def duration_s(self) -> float:
         """Time until the last picture ends."""
-        return self._end_ns / 1e9
+        return self.end_ns / 1e9
 
     def place(self, t_ns: int) -> int:
         """Return which picture is the newest at a time; -1 before the first."""
@@ -72,7 +76,7 @@ class VideoDrive:
 
     def advance(self, state: None, tick: Tick, inputs: Inputs) -> tuple[None, Snapshot | None]:
         """Return the motion at a tick; None after the last picture."""
-        if tick.t_ns >= self._end_ns:
+        if tick.t_ns >= self.end_ns:
             return None, None
         place = self.place(tick.t_ns)
         motion = self._motions[place] if place >= 0 else Motion()
@@ -105,15 +109,16 @@ class VideoDrive:
         return state, Sensed(observation=_UNOBSERVED, detections=_undetected(tick), estimate=estimate)
 
 
-def video_line(
-    drive: VideoDrive, camera: CameraConfig, vehicle: VehicleConfig, profile: Profile, state: StateConfig
-) -> Line:
-    """Return the line that sends a video through a profile; raises ConfigError for what cannot be sent."""
+def video_line(drive: VideoDrive, camera: CameraConfig, vehicle: VehicleConfig, profile: Profile) -> Line:
+    """Return the line that sends a video through a profile; raises ConfigError for what cannot be sent.
+
+    The sensor is available from the first picture on: its camera was there before the video began.
+    """
     return Line(
         source=drive,
         sensor=Sensor.of(SensorConfig(camera=camera, wheelbase_m=vehicle.wheelbase_m)),
         vehicle=vehicle,
-        state_config=state,
+        state_config=StateConfig(init_s=0.0),
         transmitter=Transmitter(profile, vehicle, camera.position_m[0]),
         sense=drive.sense,
     )
@@ -123,6 +128,47 @@ def tick_ns(profile: Profile, picture_ns: int) -> int:
     """Return the time between ticks: a picture's where the messages' times go with it, else the sensor's."""
     common = common_ns(profile.messages)
     return picture_ns if gcd(common, picture_ns) >= FINEST_SLOT_NS else CYCLE_NS
+
+
+def send_video(
+    line: Line,
+    drive: VideoDrive,
+    options: RunOptions,
+    say: Say,
+    stopped: Callable[[], bool],
+    *,
+    period_ns: int,
+) -> Summary:
+    """Send a line to its end, in real time on a bus, at once into a log alone; raises VsensorError."""
+    with contextlib.ExitStack() as stack:
+        bus = open_run_bus(options, line)
+        if bus is not None:
+            stack.callback(bus.close)
+            bus.tell(say)
+        keep_memory()
+        warm_up(line, period_ns)
+        sinks = [] if options.log is None else [LogSink(options.log)]
+        for sink in sinks:
+            stack.callback(sink.close)
+        say_start(bus, line, say)
+        for text in line.uneven(period_ns):
+            say(text)
+        summary = play_line(
+            line,
+            options,
+            stack,
+            say,
+            stopped,
+            period_ns=period_ns,
+            ticks=-(-drive.end_ns // period_ns),
+            bus=bus,
+            sinks=sinks,
+        )
+    if bus is not None:
+        summary.notes += bus.report()
+    if options.log is not None:
+        summary.notes.append(f"wrote {options.log}")
+    return summary
 
 
 _ORIGIN = frozen([0.0, 0.0, 0.0])

@@ -3,12 +3,13 @@
 import argparse
 
 from vsensor.cli.adding import Commands
-from vsensor.cli.video import calibrate, evaluate, events, make, sensitivity, view
+from vsensor.cli.video import calibrate, evaluate, events, make, run, sensitivity, view
 
 VIDEO_HELP = """\
 Lane offset from a front video: the camera found, offsets read, compared with CAN.
 
   vsensor video calibrate boards/*.jpg --board 9x6 --out camera.toml       the lens, from chessboards
+  vsensor video run drive.mp4 --camera camera.toml --out offsets.csv       offsets, and CAN frames
   vsensor video make events --events 100                                   made drives with truth and CAN
   vsensor video events drive.blf                                           events in a long log
   vsensor video evaluate events --out results                              methods against CAN and truth
@@ -18,6 +19,7 @@ Lane offset from a front video: the camera found, offsets read, compared with CA
 
 SUBS = (
     calibrate.add_calibrate,
+    run.add_run,
     make.add_make,
     events.add_events,
     evaluate.add_evaluate,
