@@ -143,19 +143,18 @@ class Frame:
 
     def truth(self, axle_m=AXLE_M, within_m=20.0):
         """Return inner edges left and right at the front axle, NaN where no paint is within that of it."""
-        found = [np.nan, np.nan]
+        found, seen = [np.inf, -np.inf], [False, False]
         ego = self.snapshot.ego
         rotation = rotation_from_rpy(0.0, 0.0, ego.yaw_rad)
         for one, width_m in zip(self.snapshot.scene.markings, self.widths_m, strict=True):
             points = (one.points_world_m - ego.position_world_m) @ rotation
             y = float(np.interp(axle_m, points[:, 0], points[:, 1]))
             ahead = points[:, 0] - axle_m
-            if not (one.painted & (ahead > 0.0) & (ahead < within_m)).any():
-                continue
             side, edge = (0, y - width_m / 2) if y > 0.0 else (1, y + width_m / 2)
-            if np.isnan(found[side]) or abs(edge) < abs(found[side]):
+            if abs(edge) < abs(found[side]):
                 found[side] = edge
-        return tuple(found)
+                seen[side] = (one.painted & (ahead > 0.0) & (ahead < within_m)).any()
+        return tuple(edge if is_seen else np.nan for edge, is_seen in zip(found, seen, strict=True))
 
 
 def night(image=None):

@@ -41,4 +41,6 @@ class RidgeConfig(Config, frozen=True, kw_only=True):
     converge_std: Annotated[float, Meta(ge=0.0, le=0.1)] = 0.004
     bend_std_per_m: Annotated[float, Meta(ge=0.0, le=0.2)] = 0.02
     clothoid_std_per_m2: Annotated[float, Meta(ge=0.0, le=0.01)] = 1e-4
-    tracker: TrackerConfig = TrackerConfig(confirm_images=1, coast_s=1.0, coast_m=20.0, hysteresis_m=0.05)
+    tracker: TrackerConfig = TrackerConfig(
+        confirm_images=1, coast_s=1.0, coast_m=20.0, hysteresis_m=0.05, max_own_m=4.0
+    )

@@ -1,6 +1,7 @@
 """Which of the fitted lines are lines of a lane, and how each of them was seen."""
 
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 
@@ -8,18 +9,22 @@ from vsensor.types import Array, BoolArray, Colour, Fit, MarkingKind, Sighting, 
 from vsensor.video.ridge.confidence import confidence
 from vsensor.video.ridge.config import RidgeConfig
 from vsensor.video.ridge.ground import Ground
+from vsensor.video.ridge.known import Known
 from vsensor.video.ridge.paint import Points
 from vsensor.video.ridge.road import Road, inliers, polynomial
 from vsensor.video.ridge.search import votes
 
-CLUTTER = 2.5
-"""A line has so many times the points that would lie along it by chance."""
+CLUTTER = 3.0
+"""A line has so many more rows of paint than would lie along it by chance, in deviations of that number..."""
+SURE_ROWS = 14
+"""... and so many at least, unless a line is known to be there."""
 SHARE = 0.3
 """The inner stripe of a double marking has this part of the outer one's paint, or it is no stripe."""
 DASHED = 0.75
 """A line with less paint than this along its length is dashed."""
 SHARP_M = 0.04
 """Where a pixel covers less than this across, a stripe's width is measured."""
+REACH_M = 0.15
 NARROWEST_M, WIDEST_M, USUAL_M = 0.06, 0.5, 0.12
 
 
@@ -35,11 +40,11 @@ class Line:
     length_m: float
 
 
-def choose(config: RidgeConfig, ground: Ground, points: Points, road: Road) -> list[Line]:
+def choose(config: RidgeConfig, ground: Ground, points: Points, road: Road, known: Known) -> list[Line]:
     """Return the lines of lanes, from left to right."""
     candidates = [_line(config, ground, points, road, k) for k in range(len(road.offset_m))]
-    chance = _by_chance(config, ground, points, road)
-    seen = [line for line in candidates if _is_line(config, line, chance)]
+    chance = _by_chance(config, road)
+    seen = [line for line in candidates if _is_line(config, line, chance, known.near(road.offset_m[line.k]))]
     kept: list[Line] = []
     for line in sorted(seen, key=lambda line: -line.votes):
         near = [other for other in kept if abs(other.at_axle_m - line.at_axle_m) < config.least_lane_m]
@@ -88,15 +93,16 @@ def _line(config: RidgeConfig, ground: Ground, points: Points, road: Road, k: in
     )
 
 
-def _by_chance(config: RidgeConfig, ground: Ground, points: Points, road: Road) -> float:
-    """Return how many rows out of all would have a point within reach of any curve, lines left out."""
-    loose = np.count_nonzero(road.line < 0)
-    return loose * 0.2 / (2.0 * config.aside_m)
+def _by_chance(config: RidgeConfig, road: Road) -> float:
+    """Return how many points would lie within reach of any curve if those of no line lay anywhere."""
+    return float(np.count_nonzero(road.line < 0)) * 2.0 * REACH_M / (2.0 * config.aside_m)
 
 
-def _is_line(config: RidgeConfig, line: Line, chance: float) -> bool:
-    is_long = line.rows >= config.least_rows and line.length_m >= config.least_length_m
-    return is_long and line.rows > CLUTTER * chance
+def _is_line(config: RidgeConfig, line: Line, chance: float, known_m: float | None) -> bool:
+    if line.rows < config.least_rows or line.length_m < config.least_length_m:
+        return False
+    least = chance + CLUTTER * sqrt(chance)
+    return line.rows > (least if known_m is not None else least + SURE_ROWS)
 
 
 def _is_inner_stripe(config: RidgeConfig, line: Line, other: Line) -> bool:

@@ -1,38 +1,38 @@
 """The method joined: picture -> grid -> points -> lines of the road -> sides, from picture to picture."""
 
-from dataclasses import dataclass, replace
-from math import exp, radians
+from dataclasses import dataclass, field, replace
+from math import inf, radians
 
+import msgspec
 import numpy as np
 
 from vsensor import tracker
 from vsensor.camera import Camera
 from vsensor.signals import VehicleConfig
-from vsensor.tracker import TrackerState
-from vsensor.types import NANOSECONDS_PER_SECOND, Boundary, EgoState, LaneEstimate, Sighting, Tick
+from vsensor.tracker import TrackerConfig, TrackerState
+from vsensor.types import Boundary, EgoState, LaneEstimate, Side, Sighting, Tick
 from vsensor.video.ridge import lines
 from vsensor.video.ridge.config import RidgeConfig
 from vsensor.video.ridge.ground import Ground
+from vsensor.video.ridge.known import Known, Memory
 from vsensor.video.ridge.paint import Points, Stencil, find, stencils
 from vsensor.video.ridge.road import Road, fit_road
-from vsensor.video.ridge.search import MOST_PITCH, Shape, search
+from vsensor.video.ridge.search import MOST_PITCH, search
 from vsensor.video.types import Motion, Picture
 
-REST_S = 3.0
-"""The body's pitch at rest is the mean of so long."""
-KNOWN_S = 1.0
-"""A road's shape is of use for the next picture for so long."""
 LEAST_POINTS = 6
+OWN, NEW = 1.2, 0.1
+"""A line within so many lane widths bounds the own lane; the width follows what is seen by this part a picture."""
+OWN_SIDES = (Side.LEFT, Side.RIGHT)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RidgeState:
-    """What is remembered: tracked lines, the road's shape when it was last seen, and the pitch at rest."""
+    """What is remembered: tracked lines, the road as last seen, how wide the lane is (inf: not known yet)."""
 
     tracks: TrackerState
-    shape: Shape | None = None
-    shape_ns: int = 0
-    rest_rad: float = 0.0
+    memory: Memory = field(default_factory=Memory)
+    lane_m: float = inf
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,9 +66,10 @@ class Ridge:
         self, state: RidgeState, picture: Picture, motion: Motion
     ) -> tuple[RidgeState, LaneEstimate, Look]:
         """Return the lines of one picture, and what they were found from."""
-        seen = self._seen(state, picture)
+        seen = self._seen(state.memory.now(motion, picture.t_ns), picture)
         if seen.road is not None and seen.lines:
-            state = self._remembered(state, seen.road, len(seen.lines), picture.t_ns)
+            offsets = tuple(float(seen.road.offset_m[line.k]) for line in seen.lines)
+            state = replace(state, memory=state.memory.after(seen.road.shape, offsets, picture.t_ns))
         ego = EgoState(
             t_ns=picture.t_ns,
             position_world_m=np.zeros(3),
@@ -77,7 +78,9 @@ class Ridge:
         )
         period_ns = max(picture.t_ns - state.tracks.t_ns, 1)
         tick = Tick(index=picture.index, t_ns=picture.t_ns, period_ns=period_ns)
-        tracks, assigned = tracker.assign(self.config.tracker, state.tracks, seen.sightings, ego, tick)
+        sides = self._sides(state)
+        tracks, assigned = tracker.assign(sides, state.tracks, seen.sightings, ego, tick)
+        state = self._wide(state, assigned.boundaries)
         estimate = LaneEstimate(
             exposed_at_ns=picture.t_ns,
             image_index=picture.index,
@@ -86,24 +89,37 @@ class Ridge:
         )
         return replace(state, tracks=tracks), estimate, seen
 
+    def _sides(self, state: RidgeState) -> TrackerConfig:
+        """Return the tracker's limits: a line farther off than the lane is wide bounds another lane."""
+        most_m = min(OWN * state.lane_m, self.config.tracker.max_own_m)
+        return msgspec.structs.replace(self.config.tracker, max_own_m=most_m)
+
+    def _wide(self, state: RidgeState, boundaries: tuple[Boundary, ...]) -> RidgeState:
+        """Remember how wide the lane is, where both its lines are seen well."""
+        own = [line for line in boundaries if line.side in OWN_SIDES and line.measured and line.quality > 1]
+        if len(own) < 2:
+            return state
+        left, right = (np.polyval(line.coefficients[::-1], self.ground.front_axle_m) for line in own)
+        wide_m = float(left - right)
+        lane_m = wide_m if not np.isfinite(state.lane_m) else state.lane_m + NEW * (wide_m - state.lane_m)
+        return replace(state, lane_m=lane_m)
+
     def _is_here(self, line: Boundary) -> bool:
         """Whether a line is seen, or predicted and what was seen of it still lies ahead."""
         return line.measured or line.x_max_m > self.ground.front_axle_m
 
-    def _seen(self, state: RidgeState, picture: Picture) -> Look:
+    def _seen(self, known: Known, picture: Picture) -> Look:
         config, ground = self.config, self.ground
         points = find(config, ground, self.stencils, ground.sample(picture.grey))
         if len(points.row) < LEAST_POINTS:
             return Look(points=points, road=None, lines=(), sightings=())
-        is_recent = picture.t_ns - state.shape_ns < KNOWN_S * NANOSECONDS_PER_SECOND
-        known = state.shape if is_recent else None
-        shape, offsets = search(config, ground, points, known, state.rest_rad)
+        shape, offsets = search(config, ground, points, known.shape, known.rest_rad)
         if not len(offsets):
             return Look(points=points, road=None, lines=(), sightings=())
-        road = fit_road(config, ground, points, shape, offsets, state.rest_rad)
-        if abs(road.pitch_rad - state.rest_rad) > MOST_PITCH * radians(config.pitch_std_deg):
+        road = fit_road(config, ground, points, shape, offsets, known)
+        if abs(road.pitch_rad - known.rest_rad) > MOST_PITCH * radians(config.pitch_std_deg):
             return Look(points=points, road=None, lines=(), sightings=())
-        chosen = lines.choose(config, ground, points, road)
+        chosen = lines.choose(config, ground, points, road, known)
         sightings = [lines.sighting(config, ground, points, road, line) for line in chosen]
         return Look(
             points=points,
@@ -111,11 +127,3 @@ class Ridge:
             lines=tuple(chosen),
             sightings=tuple(seen for seen in sightings if seen.quality > 0),
         )
-
-    def _remembered(self, state: RidgeState, road: Road, count: int, t_ns: int) -> RidgeState:
-        """Keep the road's shape; two lines or more also say where the body is at rest."""
-        rest = state.rest_rad
-        if count >= 2:
-            duration_s = (t_ns - state.shape_ns) / NANOSECONDS_PER_SECOND if state.shape else REST_S
-            rest += (road.pitch_rad - rest) * (1.0 - exp(-duration_s / REST_S))
-        return replace(state, shape=road.shape, shape_ns=t_ns, rest_rad=rest)

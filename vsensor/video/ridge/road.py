@@ -16,6 +16,7 @@ from scipy.linalg import cho_factor, cho_solve
 from vsensor.types import Array, BoolArray, IntArray
 from vsensor.video.ridge.config import RidgeConfig
 from vsensor.video.ridge.ground import Ground
+from vsensor.video.ridge.known import Known
 from vsensor.video.ridge.paint import Points
 from vsensor.video.ridge.search import Shape, pitched, stripes
 
@@ -33,7 +34,6 @@ OBLIQUE = 0.7
 """A line far aside runs flat in the picture: what a row is off by moves it by more."""
 WAVE_M, WAVE_AT_M = 0.02, 25.0
 """What no polynomial follows: crests, unevenness, painters' hands; it grows with the distance squared."""
-OFFSET_STD_M, SLOPE_STD = 10.0, 0.15
 TAIL = 3.0
 LOOSE, STRONGEST = 0.3, 2
 """Beyond so many deviations, or this part of the gate, a point counts less and less (Cauchy). So does
@@ -69,18 +69,18 @@ class Road:
 
 
 def fit_road(
-    config: RidgeConfig, ground: Ground, points: Points, shape: Shape, offsets: Array, pitch_rad: float
+    config: RidgeConfig, ground: Ground, points: Points, shape: Shape, offsets: Array, known: Known
 ) -> Road:
-    """Fit lines that begin at `offsets` (L,) and run as `shape`; `pitch_rad` is the body's at rest.
+    """Fit lines that begin at `offsets` (L,) and run as `shape`, with what is `known` before.
 
     Those of lanes first, then with the road's shape known all lines there are.
     """
-    road = _fitted(config, ground, points, shape, offsets, pitch_rad, WIDE_M)
+    road = _fitted(config, ground, points, shape, offsets, known, WIDE_M)
     run = road.ahead_m * (
         road.slope + road.ahead_m * (road.bend_per_m / 2.0 + road.ahead_m * road.change_per_m2 / 6.0)
     )
     offsets = stripes(config, points, road.aside_m - run)
-    return _fitted(config, ground, points, road.shape, offsets, pitch_rad, NARROW_M) if len(offsets) else road
+    return _fitted(config, ground, points, road.shape, offsets, known, NARROW_M) if len(offsets) else road
 
 
 def _fitted(
@@ -89,15 +89,14 @@ def _fitted(
     points: Points,
     shape: Shape,
     offsets: Array,
-    pitch_rad: float,
+    known: Known,
     gates_m: tuple[float, ...],
 ) -> Road:
     """Fit these lines to the points near them."""
     lines = len(offsets)
-    prior = np.zeros(2 * lines + COMMON)
-    prior[:lines], prior[-1] = offsets, pitch_rad
-    std = _prior_std(config, lines)
+    prior, std = _prior(config, offsets, known)
     theta = prior.copy()
+    theta[:lines] = offsets
     theta[-COMMON:] = shape.slope, shape.bend_per_m, 0.0, shape.pitch_rad
     covariance = np.diag(std * std)
     sigma = _sigma_m(ground, points)
@@ -134,9 +133,16 @@ def _fitted(
     )
 
 
-def _prior_std(config: RidgeConfig, lines: int) -> Array:
-    common = [SLOPE_STD, config.bend_std_per_m, config.clothoid_std_per_m2, radians(config.pitch_std_deg)]
-    return np.concatenate([np.full(lines, OFFSET_STD_M), np.full(lines, config.converge_std), common])
+def _prior(config: RidgeConfig, offsets: Array, known: Known) -> tuple[Array, Array]:
+    """Return what is expected of all unknowns before the picture, and how sure that is."""
+    mean, std = known.offsets(offsets)
+    run, run_std = known.slope_and_bend(config.bend_std_per_m)
+    turns = np.zeros(len(offsets))
+    free = [config.clothoid_std_per_m2, radians(config.pitch_std_deg)]
+    return (
+        np.concatenate([mean, turns, run, [0.0, known.rest_rad]]),
+        np.concatenate([std, turns + config.converge_std, run_std, free]),
+    )
 
 
 def _sigma_m(ground: Ground, points: Points) -> Array:
