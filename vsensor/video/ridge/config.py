@@ -13,7 +13,7 @@ Metres = Annotated[float, Meta(gt=0.0, le=1000.0)]
 class RidgeConfig(Config, frozen=True, kw_only=True):
     """Where lines are looked for, what paint looks like, and what a road may be.
 
-    Looked at is the road up to `range_m` ahead of the camera and `aside_m` to either side of it, in `rows`
+    Looked at is the road up to `range_m` ahead of the camera, where a pixel covers no more than `most_px_m`, and `aside_m` to either side of it, in `rows`
     rows across whose distance grows by a constant factor, so that a row is a row of pixels or two near and
     far; points across are `step_m` apart. Paint is a stripe about `paint_m` wide that is lighter than the
     road on both sides: by `least_contrast` of the road's level, and by `noise_factor` times the row's noise.
@@ -27,17 +27,18 @@ class RidgeConfig(Config, frozen=True, kw_only=True):
     """
 
     range_m: Metres = 45.0
+    most_px_m: Metres = 0.12
     aside_m: Metres = 6.0
     rows: Annotated[int, Meta(ge=24, le=1000)] = 144
     step_m: Annotated[float, Meta(ge=0.005, le=0.1)] = 0.025
     paint_m: Annotated[float, Meta(ge=0.05, le=0.6)] = 0.15
     least_contrast: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.07
-    noise_factor: Annotated[float, Meta(ge=1.0, le=20.0)] = 3.5
+    noise_factor: Annotated[float, Meta(ge=1.0, le=20.0)] = 3.2
     least_rows: Annotated[int, Meta(ge=2, le=200)] = 8
     least_length_m: Metres = 1.5
     least_lane_m: Metres = 2.2
     double_m: Metres = 0.6
-    pitch_std_deg: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.7
+    pitch_std_deg: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.5
     converge_std: Annotated[float, Meta(ge=0.0, le=0.1)] = 0.004
     bend_std_per_m: Annotated[float, Meta(ge=0.0, le=0.2)] = 0.02
     clothoid_std_per_m2: Annotated[float, Meta(ge=0.0, le=0.01)] = 1e-4

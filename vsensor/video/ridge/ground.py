@@ -58,7 +58,7 @@ class Ground:
         half = round(config.aside_m / config.step_m)
         aside: Array = config.step_m * np.arange(-half, half + 1).astype(np.float64)
         nearest = _nearest_m(config, camera, eye)
-        ahead = np.geomspace(nearest, config.range_m, config.rows)
+        ahead = np.geomspace(nearest, _farthest_m(config, camera, eye), config.rows)
         pixels = _pixels(camera, eye, ahead, aside)
         beyond = _pixels(camera, eye, ahead * 1.01, aside[len(aside) // 2 :][:1])[:, 0]
         middle = pixels[:, len(aside) // 2]
@@ -91,6 +91,12 @@ def _pixels(camera: Camera, eye: Array, ahead: Array, aside: Array) -> Array:
     x, y = np.meshgrid(ahead + eye[0], aside + eye[1], indexing="ij")
     points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
     return project(camera, transform(camera.camera_from_body, points)).reshape(*x.shape, 2)
+
+
+def _farthest_m(config: RidgeConfig, camera: Camera, eye: Array) -> float:
+    """Return how far ahead a pixel covers so little of the road that a marking is seen."""
+    focal_px = camera.fx_px
+    return max(min(config.range_m, config.most_px_m * focal_px), 2.0 * NEAREST_M)
 
 
 def _nearest_m(config: RidgeConfig, camera: Camera, eye: Array) -> float:

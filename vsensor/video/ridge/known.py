@@ -5,7 +5,7 @@ has passed is its standard deviation, so what is seen well counts alone and noth
 """
 
 from dataclasses import dataclass, replace
-from math import exp, isfinite
+from math import exp, inf, isfinite
 
 import numpy as np
 
@@ -27,19 +27,23 @@ ANY_OFFSET_M, ANY_SLOPE = 10.0, 0.15
 """Standard deviations where nothing is known."""
 SAME_M = 0.5
 """A line so near to a known one is that one."""
+BESIDE_M, LANE_STD_M = 0.8, 0.25
+"""A line so near to where the lane's other line is expected is that, and how sure its place is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Known:
     """The road as expected: its shape, or None; offsets (L,) of its lines at the camera, and how sure that is.
 
-    `rest_rad` is the body's pitch at rest, `age_s` the time since the road was last seen.
+    `rest_rad` is the body's pitch at rest, `age_s` the time since the road was last seen, `lane_m` how wide the
+    lane is (inf: not known).
     """
 
     shape: Shape | None = None
     offsets_m: tuple[float, ...] = ()
     rest_rad: float = 0.0
     age_s: float = 0.0
+    lane_m: float = inf
 
     def near(self, offset_m: float) -> float | None:
         """Return the offset of the known line that a line at `offset_m` may be; None if none is near."""
@@ -48,10 +52,16 @@ class Known:
 
     def offsets(self, found_m: Array) -> tuple[Array, Array]:
         """Return where lines found at `found_m` (L,) are expected, and standard deviations (L,)."""
-        known = [self.near(offset) for offset in found_m.tolist()]
-        mean = np.array([found if at is None else at for at, found in zip(known, found_m, strict=True)])
-        std = OFFSET_STD[0] + OFFSET_STD[1] * self.age_s
-        return mean, np.array([ANY_OFFSET_M if at is None else std for at in known])
+        expected = [self._expected(offset) for offset in found_m.tolist()]
+        return np.array([mean for mean, _ in expected]), np.array([std for _, std in expected])
+
+    def _expected(self, found_m: float) -> tuple[float, float]:
+        """Return where a line found at `found_m` is expected: where it was, a lane beside another, or there."""
+        if (near := self.near(found_m)) is not None:
+            return near, OFFSET_STD[0] + OFFSET_STD[1] * self.age_s
+        places = [at + side * self.lane_m for at in self.offsets_m for side in (-1.0, 1.0)]
+        beside = min(places, key=lambda other: abs(other - found_m), default=inf)
+        return (beside, LANE_STD_M) if abs(beside - found_m) < BESIDE_M else (found_m, ANY_OFFSET_M)
 
     def slope_and_bend(self, any_bend_per_m: float) -> tuple[Array, Array]:
         """Return the expected slope and bend (2,) and their standard deviations (2,)."""
@@ -63,12 +73,13 @@ class Known:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Memory:
-    """The road as last seen, at `t_ns`: `speed_mps` as it was then."""
+    """The road as last seen, at `t_ns`, the pitch at rest, how wide the lane is (inf: not known yet)."""
 
     shape: Shape | None = None
     offsets_m: tuple[float, ...] = ()
     t_ns: int = 0
     rest_rad: float = 0.0
+    lane_m: float = inf
 
     def now(self, motion: Motion, t_ns: int) -> Known:
         """Return what is to be expected of a picture: the vehicle has moved along x and turned."""
@@ -85,6 +96,7 @@ class Memory:
             offsets_m=tuple(offset + aside_m for offset in self.offsets_m),
             rest_rad=self.rest_rad,
             age_s=age_s,
+            lane_m=self.lane_m,
         )
 
     def after(self, shape: Shape, offsets_m: tuple[float, ...], t_ns: int) -> "Memory":
@@ -93,4 +105,4 @@ class Memory:
         if len(offsets_m) >= 2:
             duration_s = (t_ns - self.t_ns) / NANOSECONDS_PER_SECOND if self.shape else REST_S
             rest += (shape.pitch_rad - rest) * (1.0 - exp(-max(duration_s, 0.0) / REST_S))
-        return Memory(shape=shape, offsets_m=offsets_m, t_ns=t_ns, rest_rad=rest)
+        return Memory(shape=shape, offsets_m=offsets_m, t_ns=t_ns, rest_rad=rest, lane_m=self.lane_m)

@@ -24,13 +24,19 @@ DASHED = 0.75
 """A line with less paint than this along its length is dashed."""
 SHARP_M = 0.04
 """Where a pixel covers less than this across, a stripe's width is measured."""
+MISFIT = 3.5
+"""Points that lie about a line by more of their deviations are none of one: the edges of a car, a shrub."""
 REACH_M = 0.15
+"""So near to a curve points count as along it."""
 NARROWEST_M, WIDEST_M, USUAL_M = 0.06, 0.5, 0.12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Line:
-    """One line of the picture: its points (N,) bool, place at the front axle, paint in rows and in metres."""
+    """One line of the picture: its points (N,) bool, place at the front axle, paint in rows and in metres.
+
+    `misfit` is the points' root mean square distance from it, in their standard deviations.
+    """
 
     k: int
     points: BoolArray
@@ -38,6 +44,7 @@ class Line:
     votes: float
     rows: int
     length_m: float
+    misfit: float
 
 
 def choose(config: RidgeConfig, ground: Ground, points: Points, road: Road, known: Known) -> list[Line]:
@@ -89,8 +96,15 @@ def _line(config: RidgeConfig, ground: Ground, points: Points, road: Road, k: in
         at_axle_m=float(np.polynomial.polynomial.polyval(ground.front_axle_m, coefficients)),
         votes=float(votes(points)[on_line].sum()),
         rows=len(rows),
+        misfit=_misfit(road, k),
         length_m=float((ground.growth - 1.0) * ground.ahead_m[rows].sum()),
     )
+
+
+def _misfit(road: Road, k: int) -> float:
+    near = road.line == k
+    off = road.residual_m[near] / road.sigma_m[near]
+    return float(np.sqrt(np.mean(off * off))) if near.any() else 0.0
 
 
 def _by_chance(config: RidgeConfig, road: Road) -> float:
@@ -99,7 +113,7 @@ def _by_chance(config: RidgeConfig, road: Road) -> float:
 
 
 def _is_line(config: RidgeConfig, line: Line, chance: float, known_m: float | None) -> bool:
-    if line.rows < config.least_rows or line.length_m < config.least_length_m:
+    if line.rows < config.least_rows or line.length_m < config.least_length_m or line.misfit > MISFIT:
         return False
     least = chance + CLUTTER * sqrt(chance)
     return line.rows > (least if known_m is not None else least + SURE_ROWS)

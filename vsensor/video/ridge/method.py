@@ -1,7 +1,7 @@
 """The method joined: picture -> grid -> points -> lines of the road -> sides, from picture to picture."""
 
 from dataclasses import dataclass, field, replace
-from math import inf, radians
+from math import isfinite, radians
 
 import msgspec
 import numpy as np
@@ -28,11 +28,10 @@ OWN_SIDES = (Side.LEFT, Side.RIGHT)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RidgeState:
-    """What is remembered: tracked lines, the road as last seen, how wide the lane is (inf: not known yet)."""
+    """What is remembered: tracked lines, and the road as last seen."""
 
     tracks: TrackerState
     memory: Memory = field(default_factory=Memory)
-    lane_m: float = inf
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,7 +90,7 @@ class Ridge:
 
     def _sides(self, state: RidgeState) -> TrackerConfig:
         """Return the tracker's limits: a line farther off than the lane is wide bounds another lane."""
-        most_m = min(OWN * state.lane_m, self.config.tracker.max_own_m)
+        most_m = min(OWN * state.memory.lane_m, self.config.tracker.max_own_m)
         return msgspec.structs.replace(self.config.tracker, max_own_m=most_m)
 
     def _wide(self, state: RidgeState, boundaries: tuple[Boundary, ...]) -> RidgeState:
@@ -101,8 +100,9 @@ class Ridge:
             return state
         left, right = (np.polyval(line.coefficients[::-1], self.ground.front_axle_m) for line in own)
         wide_m = float(left - right)
-        lane_m = wide_m if not np.isfinite(state.lane_m) else state.lane_m + NEW * (wide_m - state.lane_m)
-        return replace(state, lane_m=lane_m)
+        was_m = state.memory.lane_m
+        lane_m = was_m + NEW * (wide_m - was_m) if isfinite(was_m) else wide_m
+        return replace(state, memory=replace(state.memory, lane_m=lane_m))
 
     def _is_here(self, line: Boundary) -> bool:
         """Whether a line is seen, or predicted and what was seen of it still lies ahead."""

@@ -31,7 +31,7 @@ BENDS_PER_M = np.array([0.0, 0.003, -0.003, 0.008, -0.008, 0.018, -0.018, 0.035,
 PITCHES_RAD = np.radians([0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2])
 FINE_SLOPES = np.array([0.0, 0.005, -0.005, 0.01, -0.01])
 FINE_BENDS_PER_M = np.array([0.0, 0.001, -0.001, 0.002, -0.002])
-MOST_PITCH = 2.5
+MOST_PITCH = 3.5
 """A body pitches by so many of its standard deviations at most."""
 UNLIKELY = 0.03
 """A pitch of one standard deviation takes this part of a shape's score, more the square of it."""
