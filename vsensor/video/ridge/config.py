@@ -13,10 +13,11 @@ Metres = Annotated[float, Meta(gt=0.0, le=1000.0)]
 class RidgeConfig(Config, frozen=True, kw_only=True):
     """Where lines are looked for, what paint looks like, and what a road may be.
 
-    Looked at is the road up to `range_m` ahead of the camera, where a pixel covers no more than `most_px_m`, and `aside_m` to either side of it, in `rows`
-    rows across whose distance grows by a constant factor, so that a row is a row of pixels or two near and
-    far; points across are `step_m` apart. Paint is a stripe about `paint_m` wide that is lighter than the
-    road on both sides: by `least_contrast` of the road's level, and by `noise_factor` times the row's noise.
+    Looked at is the road up to `range_m` ahead of the camera, where a pixel covers no more than
+    `most_px_m`, and up to `aside_m` to either side of it, in `rows` rows across whose distance grows by a
+    constant factor, so that a row is a row of pixels or two near and far; points across are `step_m`
+    apart. Paint is a stripe about `paint_m` wide that is lighter than the road on both sides: by
+    `least_contrast` of the road's level, and by `noise_factor` times the row's noise.
 
     A line counts from `least_rows` rows of paint on, `least_length_m` of it in all. Lines of lanes are
     `least_lane_m` apart or more; two nearer than `double_m` are a double marking, whose inner stripe counts.

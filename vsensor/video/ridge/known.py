@@ -1,7 +1,7 @@
 """What is known of a road before a picture is looked at: from the pictures before, moved to now.
 
-It holds the fit where the picture says little: how far a line and the road's direction can go in the time that
-has passed is its standard deviation, so what is seen well counts alone and nothing is smoothed.
+It holds the fit where the picture says little: how far a line and the road's direction can go in the time
+that has passed is its standard deviation, so what is seen well counts alone and nothing is smoothed.
 """
 
 from dataclasses import dataclass, replace
@@ -33,10 +33,10 @@ BESIDE_M, LANE_STD_M = 0.8, 0.25
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Known:
-    """The road as expected: its shape, or None; offsets (L,) of its lines at the camera, and how sure that is.
+    """The road as expected: its shape, or None, and the offsets (L,) of its lines at the camera.
 
-    `rest_rad` is the body's pitch at rest, `age_s` the time since the road was last seen, `lane_m` how wide the
-    lane is (inf: not known).
+    `rest_rad` is the body's pitch at rest, `age_s` the time since the road was last seen, `lane_m` how wide
+    the lane is (inf: not known).
     """
 
     shape: Shape | None = None
@@ -56,7 +56,7 @@ class Known:
         return np.array([mean for mean, _ in expected]), np.array([std for _, std in expected])
 
     def _expected(self, found_m: float) -> tuple[float, float]:
-        """Return where a line found at `found_m` is expected: where it was, a lane beside another, or there."""
+        """Return where a line found at `found_m` is expected, and how surely: as it was, or a lane aside."""
         if (near := self.near(found_m)) is not None:
             return near, OFFSET_STD[0] + OFFSET_STD[1] * self.age_s
         places = [at + side * self.lane_m for at in self.offsets_m for side in (-1.0, 1.0)]

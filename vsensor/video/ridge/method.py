@@ -22,7 +22,7 @@ from vsensor.video.types import Motion, Picture
 
 LEAST_POINTS = 6
 OWN, NEW = 1.2, 0.1
-"""A line within so many lane widths bounds the own lane; the width follows what is seen by this part a picture."""
+"""A line within so many lane widths bounds the own lane; the width follows the seen one by this part."""
 OWN_SIDES = (Side.LEFT, Side.RIGHT)
 
 

@@ -30,14 +30,17 @@ GATE_PER_M = 0.01
 """The same grows by so much with the distance."""
 POINT_PX = 0.3
 """Standard deviation of a stripe's middle in a row of the picture."""
+AGAIN, FAR_M = 1.5, 3.0
+"""A line that was seen before counts so many times for the own lane, one farther off than this less."""
 OBLIQUE = 0.7
 """A line far aside runs flat in the picture: what a row is off by moves it by more."""
 WAVE_M, WAVE_AT_M = 0.02, 25.0
 """What no polynomial follows: crests, unevenness, painters' hands; it grows with the distance squared."""
 TAIL = 3.0
-LOOSE, STRONGEST = 0.3, 2
-"""Beyond so many deviations, or this part of the gate, a point counts less and less (Cauchy). So does
-what a line says of the road that turns away from it, unless it is one of the strongest."""
+LOOSE, ASIDE = 0.3, 3.0
+"""Beyond so many deviations, or this part of the gate, a point counts less and less (Cauchy). Other lines
+than those of the own lane count as if their deviations were so many times as large, and less and less if they
+turn away: a wall or a kerb is no line of this road, nor does it lie in its plane."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,18 +72,36 @@ class Road:
 
 
 def fit_road(
-    config: RidgeConfig, ground: Ground, points: Points, shape: Shape, offsets: Array, known: Known
+    config: RidgeConfig, ground: Ground, points: Points, shape: Shape, found: Array, known: Known
 ) -> Road:
-    """Fit lines that begin at `offsets` (L,) and run as `shape`, with what is `known` before.
+    """Fit lines `found` (L, 2: offset, votes) that run as `shape`, with what is `known` before.
 
-    Those of lanes first, then with the road's shape known all lines there are.
+    Those of the own lane first; with the road's shape known by them all lines there are.
     """
-    road = _fitted(config, ground, points, shape, offsets, known, WIDE_M)
+    lane = own_lane(config, found, known)
+    road = _fitted(config, ground, points, shape, lane, known, WIDE_M)
     run = road.ahead_m * (
         road.slope + road.ahead_m * (road.bend_per_m / 2.0 + road.ahead_m * road.change_per_m2 / 6.0)
     )
     offsets = stripes(config, points, road.aside_m - run)
-    return _fitted(config, ground, points, road.shape, offsets, known, NARROW_M) if len(offsets) else road
+    if not len(offsets):
+        return road
+    own = [int(np.abs(offsets - offset).argmin()) for offset in road.offset_m]
+    first = dict.fromkeys(own)
+    order = [*first, *(k for k in range(len(offsets)) if k not in first)]
+    return _fitted(config, ground, points, road.shape, offsets[order], known, NARROW_M, len(first))
+
+
+def own_lane(config: RidgeConfig, found: Array, known: Known) -> Array:
+    """Return the offsets (1 or 2,) of the own lane's of lines (L, 2): near, strong, a lane apart."""
+    offset = found[:, 0]
+    votes = found[:, 1] * [AGAIN if known.near(at) is not None else 1.0 for at in offset.tolist()]
+    votes /= 1.0 + (offset / FAR_M) ** 4
+    apart = np.abs(offset[:, None] - offset)
+    pair = votes[:, None] + votes
+    pair[(apart < config.least_lane_m) | (apart > config.tracker.max_own_m + 0.5)] = 0.0
+    one, other = np.unravel_index(int(pair.argmax()), pair.shape)
+    return offset[[one, other]] if pair[one, other] > votes.max() else offset[[int(votes.argmax())]]
 
 
 def _fitted(
@@ -91,8 +112,9 @@ def _fitted(
     offsets: Array,
     known: Known,
     gates_m: tuple[float, ...],
+    leading: int = 2,
 ) -> Road:
-    """Fit these lines to the points near them."""
+    """Fit these lines to the points near them; the first `leading` say how the road runs."""
     lines = len(offsets)
     prior, std = _prior(config, offsets, known)
     theta = prior.copy()
@@ -112,8 +134,11 @@ def _fitted(
         line = np.abs(every).argmin(axis=0)
         residual = every[line, np.arange(len(line))]
         inside = np.abs(residual) < gate_m + GATE_PER_M * ahead
+        spread = np.where(line < leading, sigma, ASIDE * sigma)
         line = np.where(inside, line, -1)
-        theta, covariance = _step(ground, theta, prior, std, (ahead, aside, line, residual, sigma), gate_m)
+        theta, covariance = _step(
+            ground, theta, prior, std, (ahead, aside, line, residual, spread), gate_m, leading
+        )
     ahead, aside = pitched(ground, points.ahead_m, points.aside_m, theta[-1])
     residual = aside - _curves(theta, ahead)[np.maximum(line, 0), np.arange(len(line))]
     slope, bend, change, pitch = theta[-COMMON:].tolist()
@@ -174,6 +199,7 @@ def _step(
     std: Array,
     observed: tuple[Array, Array, IntArray, Array, Array],
     gate_m: float,
+    leading: int,
 ) -> tuple[Array, Array]:
     """Return better unknowns and their covariance: Gauss-Newton, points far off count less."""
     ahead, aside, line, residual, sigma = observed
@@ -193,7 +219,7 @@ def _step(
     scaled = rows * std
     apart = (theta - prior) / std
     held = np.ones(len(theta))
-    weak = slice(lines + STRONGEST, 2 * lines)
+    weak = slice(lines + min(leading, lines), 2 * lines)
     held[weak] = 1.0 / (1.0 + apart[weak] ** 2)
     normal = scaled.T @ (weight[:, None] * scaled) + np.diag(held)
     factor = cho_factor(normal)

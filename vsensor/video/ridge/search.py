@@ -16,7 +16,7 @@ from vsensor.video.ridge.config import RidgeConfig
 from vsensor.video.ridge.ground import Ground
 from vsensor.video.ridge.paint import Points
 
-BIN_M = 0.1
+BIN_M = 0.05
 LANES_APART_M = 1.2
 """Of lines nearer to each other than this only the stronger one helps to find the road's shape: which of
 the two a point belongs to is known once the shape is."""
@@ -64,7 +64,7 @@ def votes(points: Points) -> Array:
 def search(
     config: RidgeConfig, ground: Ground, points: Points, known: Shape | None, rest_rad: float
 ) -> tuple[Shape, Array]:
-    """Return the road's shape and the offsets (L,) of its lines at the camera, the strongest first.
+    """Return the road's shape and the lines (L, 2) on it: offset at the camera, votes; strongest first.
 
     `known` is the last picture's shape, `rest_rad` the body's pitch at rest.
     """
@@ -98,7 +98,7 @@ def stripes(config: RidgeConfig, points: Points, offset_m: Array) -> Array:
     counted += np.bincount(low + 1, weight * part, bins)
     counted[[0, -2, -1]] = 0.0
     kept: list[float] = []
-    for offset in _peaks(config, counted, STRIPES_APART_M).tolist():
+    for offset, _ in _peaks(config, counted, STRIPES_APART_M).tolist():
         if all(_are_two(config, points, offset_m, offset, other) for other in kept):
             kept.append(offset)
     return np.array(kept)
@@ -128,7 +128,8 @@ def _best(
 ) -> Array:
     """Return the shape (3,) of the fullest bins; the score of the first one is raised by a factor."""
     counted = _counted(config, ground, points, weight, shapes)
-    score = (counted * np.sqrt(counted)).sum(axis=1)
+    near = _blurred(counted)
+    score = (near * np.sqrt(near)).sum(axis=1)
     pitched_by = (shapes[:, 2] - rest_rad) / radians(config.pitch_std_deg)
     score *= 1.0 - UNLIKELY * np.minimum(pitched_by * pitched_by, 6.0)
     score[0] *= first
@@ -156,22 +157,31 @@ def _counted(config: RidgeConfig, ground: Ground, points: Points, weight: Array,
     return np.asarray(counted)
 
 
+def _blurred(counted: Array) -> Array:
+    """Return votes (H, B) shared with the neighbours: a line scores the same wherever bins begin."""
+    blurred = 3.0 * counted
+    for shift, weight in ((1, 2.0), (2, 1.0)):
+        blurred[:, shift:] += weight * counted[:, :-shift]
+        blurred[:, :-shift] += weight * counted[:, shift:]
+    return np.asarray(blurred / 9.0)
+
+
 def _bins(config: RidgeConfig) -> int:
     return 2 * round(config.aside_m / BIN_M) + 2
 
 
 def _peaks(config: RidgeConfig, counted: Array, apart_m: float) -> Array:
-    """Return the offsets (L,) of the fullest bins, with their neighbours, strongest first."""
-    three = np.convolve(counted, [1.0, 1.0, 1.0], "same")
+    """Return offset and votes (L, 2) of the fullest bins with their neighbours, strongest first."""
+    three = np.convolve(counted, [1.0, 1.0, 1.0, 1.0, 1.0], "same")
     bins, apart = len(counted), round(apart_m / BIN_M)
     found = []
     for _ in range(MOST_LINES):
         at = int(three.argmax())
         if three[at] < 0.4 * config.least_rows:
             break
-        near = slice(max(at - 1, 0), at + 2)
+        near = slice(max(at - 2, 0), at + 3)
         votes_near = counted[near]
         middle = float((np.arange(bins)[near] * votes_near).sum() / max(float(votes_near.sum()), 1e-9))
-        found.append((middle - 0.5 * bins) * BIN_M)
+        found.append(((middle - 0.5 * bins) * BIN_M, float(three[at])))
         three[max(at - apart, 0) : at + apart + 1] = 0.0
-    return np.array(found)
+    return np.array(found).reshape(-1, 2)
