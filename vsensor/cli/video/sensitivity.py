@@ -5,7 +5,7 @@ import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from vsensor.cli.adding import Commands, command, note
+from vsensor.cli.adding import Commands, command, note, shows_progress
 from vsensor.cli.values import count, seed
 
 SENSITIVITY_HELP = """\
@@ -17,7 +17,8 @@ How much offsets change if the camera stands elsewhere than thought: height, lat
 ROWS are files of vsensor video run, or folders of them, as vsensor video evaluate writes. One parameter at a
 time, the published plots: relative and absolute change; then all together within tolerances: which share of
 the variance each has alone, with others, and in pairs. Seen again are the lines that were measured: what a
-change does to the detection itself is left out.
+change does to the detection itself is left out. --again EVENT says how much that is: --method runs on that
+event with each parameter at both ends of its tolerance.
 
 Into DIR: report.html, one_by_one.csv, together.csv.
 """
@@ -26,6 +27,7 @@ Into DIR: report.html, one_by_one.csv, together.csv.
 def sensitivity(arguments: argparse.Namespace) -> int:
     """`vsensor video sensitivity`: one parameter at a time, and all together."""
     from vsensor.video.camera_file import read_camera
+    from vsensor.video.evaluate.runs import RunOptions
     from vsensor.video.sensitivity.report import WITHIN, SensitivityOptions
     from vsensor.video.sensitivity.report import sensitivity as found_by
 
@@ -36,6 +38,9 @@ def sensitivity(arguments: argparse.Namespace) -> int:
         angle_deg=arguments.angles,
         distance_m=arguments.distances,
         within={**WITHIN, **(arguments.within or {})},
+        again=arguments.again,
+        method=arguments.method,
+        run=RunOptions(limit=arguments.limit, workers=arguments.workers, progress=shows_progress(arguments)),
     )
     found = found_by(arguments.rows, read_camera(arguments.camera), options)
     print("\n".join(found.lines))
@@ -90,4 +95,9 @@ def add_sensitivity(commands: Commands) -> None:
         metavar="NAME=VALUE,...",
         help="all together: tolerances (height=0.05,lateral=0.05,yaw=1,pitch=1,roll=1)",
     )
+    option("--again", type=Path, metavar="EVENT", help="an event on which a method runs again")
+    option("--method", default="ours", metavar="NAME", help="which (ours)")
+    option("--limit", type=count, metavar="N", help="only on its first N pictures (all)")
+    option("--workers", type=count, metavar="N", help="local processes (all cores)")
+    option("--quiet", action="store_true", help="no progress bar")
     option("--seed", type=seed, metavar="N", help="of the draws (0)")

@@ -43,7 +43,7 @@ def run_methods(
     """Return the rows of each (event, method) that ran, and what became of all; raises as run_cells."""
     for method in methods:
         require_method(method)
-    cells = [_cell(event, method, options) for event in events for method in methods]
+    cells = [event_cell(event, method, options) for event in events for method in methods]
     outcome = run_cells(
         run_cell,
         cells,
@@ -53,14 +53,14 @@ def run_methods(
         progress=options.progress,
     )
     found = {
-        (Path(cell["event"]).name, cell["method"]): _rows(result)
+        (Path(cell["event"]).name, cell["method"]): rows_of_result(result)
         for cell, result in zip(cells, outcome.results, strict=True)
         if result is not None
     }
     return found, outcome
 
 
-def _cell(event: EventFolder, method: str, options: RunOptions) -> dict[str, Any]:
+def event_cell(event: EventFolder, method: str, options: RunOptions) -> dict[str, Any]:
     """Return all that the rows of an event depend on; video and log by size and time, they may be large."""
     return {
         "event": str(event.path.resolve()),
@@ -135,6 +135,7 @@ def thinned(
             yield picture
 
 
-def _rows(result: Mapping[str, Any]) -> Rows:
+def rows_of_result(result: Mapping[str, Any]) -> Rows:
+    """Return the rows that a cell's result has."""
     columns = [[nan if value is None else value for value in result[name]] for name in COLUMNS]
     return rows_from(zip(*columns, strict=True))

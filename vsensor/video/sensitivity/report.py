@@ -14,10 +14,13 @@ from vsensor.study.table import aligned, replace_file, write_csv
 from vsensor.types import Array
 from vsensor.video.camera_file import VideoCamera
 from vsensor.video.evaluate.page import drawing, page_of, paragraph, table
+from vsensor.video.evaluate.runs import RunOptions
+from vsensor.video.event_folder import read_event
 from vsensor.video.rows import Rows, read_rows
 from vsensor.video.sensitivity.figures import published_plots, share_plots
 from vsensor.video.sensitivity.one_by_one import Course, one_by_one, slopes_at_zero
 from vsensor.video.sensitivity.reproject import PARAMETERS, Lines, changed_offsets
+from vsensor.video.sensitivity.rerun import Rerun, rerun, rerun_table
 from vsensor.video.sensitivity.together import Shares, shares
 
 WITHIN: Mapping[str, float] = {"height": 0.05, "lateral": 0.05, "yaw": 1.0, "pitch": 1.0, "roll": 1.0}
@@ -40,6 +43,9 @@ class SensitivityOptions:
     angle_deg: float = 3.0
     distance_m: float = 0.3
     within: Mapping[str, float] = field(default_factory=lambda: dict(WITHIN))
+    again: Path | None = None
+    method: str = "ours"
+    run: RunOptions = field(default_factory=RunOptions)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,11 +69,16 @@ def sensitivity(files: Sequence[Path], camera: VideoCamera, options: Sensitivity
         camera.config, axle_m, sides, angle_deg=options.angle_deg, distance_m=options.distance_m
     )
     together = _together(camera.config, axle_m, sides, options, random)
-    texts = _texts(len(chosen), sides, courses, together, options)
+    again = [] if options.again is None else _run_again(options.again, options)
+    texts = _texts(len(chosen), sides, courses, together, options, again)
     write_csv(options.out / "one_by_one.csv", _course_rows(courses))
     write_csv(options.out / "together.csv", _share_rows(together))
-    missing = _write_page(options, texts, courses, together)
+    missing = _write_page(options, texts, courses, together, again)
     return Sensitivity(courses=courses, together=together, lines=tuple(texts), missing=tuple(missing))
+
+
+def _run_again(place: Path, options: SensitivityOptions) -> list[Rerun]:
+    return rerun(read_event(place), options.method, options.within, options.out, options.run)
 
 
 def rows_files(places: Sequence[Path]) -> list[Path]:
@@ -135,6 +146,7 @@ def _texts(
     courses: Mapping[str, Course],
     together: Shares,
     options: SensitivityOptions,
+    again: Sequence[Rerun],
 ) -> list[str]:
     slopes = slopes_at_zero(courses)
     rows = [["parameter", "left", "right", "m per"]]
@@ -149,6 +161,8 @@ def _texts(
         *_left_first(share_table(together, options.within)),
         "",
         *_left_first(joint_table(together)),
+        "",
+        *(_left_first(rerun_table(again)) if again else []),
         NEGLECTED,
     ]
 
@@ -212,7 +226,11 @@ def _share_rows(together: Shares) -> list[dict[str, Any]]:
 
 
 def _write_page(
-    options: SensitivityOptions, texts: Sequence[str], courses: Mapping[str, Course], together: Shares
+    options: SensitivityOptions,
+    texts: Sequence[str],
+    courses: Mapping[str, Course],
+    together: Shares,
+    again: Sequence[Rerun],
 ) -> list[str]:
     """Write report.html; returns what an extra would have added."""
     parts = [paragraph(f"{texts[0]}. {NEGLECTED}"), "<h2>One at a time</h2>"]
@@ -227,5 +245,8 @@ def _write_page(
         pictures, missing = ["", ""], [str(error)]
     parts += [pictures[0], "<h2>All together</h2>", pictures[1], table(share_table(together, options.within))]
     parts.append(table(joint_table(together)))
+    if again:
+        parts += [f"<h2>{options.method} run again with each changed camera</h2>", table(rerun_table(again))]
+        parts.append(paragraph("By how much the distance to the marking grows, m, mean over the event."))
     replace_file(options.out / "report.html", page_of("Sensitivity to the camera", parts).encode())
     return missing
