@@ -1,19 +1,23 @@
 """P2's method on whole pictures."""
 
 from dataclasses import replace
+from itertools import islice
 
 import msgspec
 import numpy as np
 import pytest
 
+from tests.shared import SHARED_DATA, needs_shared
 from tests.video.drawn import EOR, VEHICLE, WIDTH_M, road_picture
-from vsensor.camera import Camera
+from vsensor.camera import Camera, CameraConfig
 from vsensor.distortion import DistortionConfig
 from vsensor.errors import ConfigError
+from vsensor.types import Side
 from vsensor.video import Motion
+from vsensor.video.frames import open_pictures
 from vsensor.video.methods import Setup, open_method, rows_by
 from vsensor.video.published import Published, PublishedConfig
-from vsensor.video.steps import StepFolder
+from vsensor.video.steps import StepFolder, line_pixels
 
 
 def rows_of_pictures(*pictures, config=EOR):
@@ -78,6 +82,22 @@ def test_every_step_leaves_its_picture(tmp_path):
     steps = ["1_straight", "3_region", "4_white", "5_borders", "6_lines"]
     found = sorted(path.name for path in (tmp_path / "steps").iterdir())
     assert found == [f"{index:06}_{step}.png" for index in (0, 2) for step in steps]
+
+
+@needs_shared
+def test_on_real_pictures_the_right_line_runs_through_the_paint():
+    config = CameraConfig(width_px=960, height_px=540, hfov_deg=52.0, pitch_deg=-2.4)
+    camera = Camera.from_config(config)
+    method = Published(PublishedConfig(), camera)
+    with open_pictures(SHARED_DATA / "camera" / "carnd_lanelines" / "solidWhiteRight.mp4") as reader:
+        for picture in islice(reader, 0, 41, 20):
+            line = method.look(None, picture, Motion())[1].on(Side.RIGHT)
+            pixels = line_pixels(camera, line)
+            for row in (400, 450, 500):
+                bright = np.flatnonzero(picture.grey[row, 480:] > 170) + 480  # the marking alone is
+                place = np.argsort(pixels[:, 1])
+                u = np.interp(row, pixels[place, 1], pixels[place, 0])
+                assert bright.min() - 3 <= u <= bright.max() + 3
 
 
 def test_a_method_that_is_none_is_refused_by_name():

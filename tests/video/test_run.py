@@ -14,6 +14,7 @@ from vsensor.profile import load_profile
 from vsensor.sinks.video_file import VideoFile
 from vsensor.video.camera_file import VideoCamera, write_camera
 from vsensor.video.rows import read_rows
+from vsensor.video.run import VideoRun, run_video
 
 FRAMES, RATE_HZ = 12, 10
 EVEN = msgspec.structs.replace(EOR, width_px=356)
@@ -112,7 +113,7 @@ def test_a_log_of_another_time_is_refused_in_one_line(folder, tmp_path, capsys):
 
 
 def test_the_report_shows_figures_and_pictures_and_loads_nothing(folder, tmp_path):
-    assert run(folder, "--report", tmp_path / "page.html") == 0
+    assert run(folder, "--report", tmp_path / "page.html", "--limit", 6) == 0
     page = (tmp_path / "page.html").read_text()
     assert page.count("<figure>") >= 1 + 6
     assert "http" not in page
@@ -166,6 +167,7 @@ def test_a_camera_upside_down_gives_no_offset(folder, tmp_path, method):
         (("--log", "lanes.blf", "--profile", "nobody"), "nobody"),
         (("--profile", "p2"), "neither of which is given"),
         (("--bus", "nonsense:0"), "nonsense"),
+        (("--steps", "steps", "--method", "ours"), "--method published was expected"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line_before_anything_is_looked_at(
@@ -184,6 +186,31 @@ def test_a_video_of_another_size_than_its_camera_is_refused(folder, tmp_path, ca
     write_camera(tmp_path / "camera.toml", VideoCamera(small, VEHICLE))
     assert main(["video", "run", str(folder / "drive.avi"), "--camera", str(tmp_path / "camera.toml")]) == 2
     assert "356 x 288" in capsys.readouterr().err
+
+
+def test_stopped_it_writes_what_it_has_seen_and_sends_nothing(folder, tmp_path):
+    asked = iter([False] * 5 + [True] * 100)
+    options = VideoRun(
+        video=str(folder / "drive.avi"),
+        camera=str(folder / "camera.toml"),
+        method="published",
+        out=tmp_path / "rows.csv",
+        log=tmp_path / "lanes.log",
+    )
+    run_video(options, lambda text: None, lambda: next(asked))
+    assert len(read_rows(tmp_path / "rows.csv")) == 5
+    assert not (tmp_path / "lanes.log").exists()
+
+
+def test_an_image_is_a_video_of_one_picture(folder, tmp_path):
+    import cv2
+
+    cv2.imwrite(str(tmp_path / "one.png"), road_picture(EVEN).grey)
+    camera = ("--camera", str(folder / "camera.toml"))
+    words = (*camera, "--out", str(tmp_path / "rows.csv"), "--log", str(tmp_path / "lanes.log"))
+    assert main(["video", "run", str(tmp_path / "one.png"), "--method", "published", *words]) == 0
+    assert np.isfinite(read_rows(tmp_path / "rows.csv").left_offset_m).all()
+    assert len(decode_log(tmp_path / "lanes.log", [load_profile("native")])) == 1
 
 
 @needs_shared

@@ -32,10 +32,14 @@ class Setup:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MethodKind:
-    """How a method is made of its setup; `has_lov`: P2's thresholds and filling follow it."""
+    """How a method is made of its setup.
+
+    `has_lov`: P2's thresholds and filling follow it; `has_steps`: it shows pictures of its steps.
+    """
 
     maker: Callable[[Setup], Method[Any]]
     has_lov: bool
+    has_steps: bool
     about: str
 
 
@@ -55,11 +59,13 @@ METHODS = {
     "ours": MethodKind(
         maker=_ours,
         has_lov=False,
+        has_steps=False,
         about="paint looked for on the road, all lines fitted together, pitch from where they meet",
     ),
     "published": MethodKind(
         maker=_published,
         has_lov=True,
+        has_steps=True,
         about="P2's: borders and white zones, Hough lines, every picture for itself",
     ),
 }

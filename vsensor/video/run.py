@@ -226,6 +226,11 @@ def _write_report(path: Path, options: VideoRun, looked: Looked, rows: Rows) -> 
 def _require(options: VideoRun) -> None:
     """Refuse what cannot be written or is no method before anything is looked at."""
     require_method(options.method)
+    if options.steps is not None and not METHODS[options.method].has_steps:
+        shown = ", ".join(name for name, kind in METHODS.items() if kind.has_steps)
+        raise ConfigError(
+            f"--steps: the method {options.method} has none to show; --method {shown} was expected"
+        )
     if options.out is not None:
         require_writable(options.out)
     for path in filter(None, (options.report, options.log)):
