@@ -378,12 +378,14 @@ def test_the_schemas_are_those_of_the_program():
     from vsensor.sinks.truth_points import SCHEMA as POINTS
     from vsensor.video.event_folder import SCHEMA as EVENT
     from vsensor.video.events import SCHEMA as EVENTS
+    from vsensor.video.labels import SCHEMA as LABELS
     from vsensor.video.settings import SCHEMA as VIDEO
     from vsensor.world.road import SCHEMA as ROAD
 
     said = {codes(row[1])[0] for row in table("| file | schema | what |")}
-    others = {LIMITS, SCAN, VALIDATE, TABLE, SCHEMA, POINTS, EXPERIMENT, ROAD, CAMERA, EVENT, EVENTS, VIDEO}
-    assert said == {SCENARIO, PROFILE, ERROR_MODEL} | others
+    others = {LIMITS, SCAN, VALIDATE, TABLE, SCHEMA, POINTS, EXPERIMENT, ROAD}
+    videos = {CAMERA, EVENT, EVENTS, VIDEO, LABELS}
+    assert said == {SCENARIO, PROFILE, ERROR_MODEL} | others | videos
 
 
 def test_the_frame_table_has_the_messages_of_the_native_dbc_with_their_ids():

@@ -3,7 +3,7 @@
 import argparse
 
 from vsensor.cli.adding import Commands
-from vsensor.cli.video import calibrate, evaluate, events, make, run, sensitivity, view
+from vsensor.cli.video import calibrate, evaluate, events, make, run, score, sensitivity, view
 
 VIDEO_HELP = """\
 Lane offset from a front video: the camera found, offsets read, compared with CAN.
@@ -13,6 +13,7 @@ Lane offset from a front video: the camera found, offsets read, compared with CA
   vsensor video make events --events 100                                   made drives with truth and CAN
   vsensor video events drive.blf                                           events in a long log
   vsensor video evaluate events --out results                              methods against CAN and truth
+  vsensor video score labels.toml --images DIR --camera camera.toml        methods against hand labels
   vsensor video sensitivity results/rows/ours --camera camera.toml --out DIR   where the camera stands
   vsensor video view drive.mp4 --camera camera.toml --rows rows.csv --out view.mp4   signals drawn
 """
@@ -23,6 +24,7 @@ SUBS = (
     make.add_make,
     events.add_events,
     evaluate.add_evaluate,
+    score.add_score,
     sensitivity.add_sensitivity,
     view.add_view,
 )
