@@ -110,6 +110,16 @@ def test_a_stretch_whose_speed_is_unknown_for_a_moment_has_its_speeds(found, tmp
     assert (stretch.speed_low_mps, stretch.speed_high_mps) == pytest.approx((33.0, 33.0), abs=0.1)
 
 
+def test_a_pause_of_a_log_is_in_no_stretch(found, tmp_path):
+    columns = columns_of(np.random.default_rng(7), LAW, 30.0, low=33.0, high=33.0)
+    late = columns["t_ns"] - columns["t_ns"][0] > 10e9
+    columns["t_ns"] = columns["t_ns"] + late * 3600 * 10**9
+    write_log(tmp_path, "other", columns)
+    thin = [one for one in thin_cells(found, 1e4) if one.speed_mps == 33.0]
+    best = filling_drives(open_table([tmp_path]), thin, 1.0)
+    assert [(round(one.from_s), round(one.to_s)) for one in best] == [(3610, 3630), (0, 10)]
+
+
 # --- influence --------------------------------------------------------------------------------------------
 
 
@@ -160,6 +170,16 @@ def test_independent_inputs_are_their_own_principal_components():
 def test_shapley_values_share_what_two_equal_inputs_explain_together():
     rho = np.array([[1.0, 1.0, 0.0, 0.6], [1.0, 1.0, 0.0, 0.6], [0.0, 0.0, 1.0, 0.3], [0.6, 0.6, 0.3, 1.0]])
     np.testing.assert_allclose(shapley(rho), [0.18, 0.18, 0.09], atol=1e-6)
+
+
+def test_a_log_that_was_interrupted_for_years_has_the_blocks_that_it_has(tmp_path):
+    columns = columns_of(np.random.default_rng(7), LAW, 180.0)
+    late = columns["t_ns"] - columns["t_ns"][0] > 90e9
+    columns["t_ns"] = columns["t_ns"] + late * (40 * 365 * 86_400 * 10**9)
+    write_log(tmp_path, "other", columns)
+    found = influence_of(open_table([tmp_path]))
+    assert found.units == 4
+    assert found.rows > 10_000
 
 
 def test_one_block_alone_gives_no_interval_and_is_refused(tmp_path):

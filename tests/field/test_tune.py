@@ -5,6 +5,8 @@ import sys
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
+from scipy.special import ndtr
 from scipy.stats import norm
 
 from tests.field.made_tables import Law, columns_of, made_table, write_log
@@ -104,6 +106,30 @@ def test_how_long_lines_stay_lost_and_seen_is_found(model):
     # some 70 runs of each: an exponential's median is known to 12 %; runs end on whole images
     np.testing.assert_allclose(lost, LAW.lost_s * np.log(2.0), rtol=0.4)
     np.testing.assert_allclose(seen, LAW.seen_s * np.log(2.0), rtol=0.4)
+
+
+def test_quality_from_image_to_image_and_the_reported_ranges_correlation_are_found(tmp_path):
+    step = np.array([[0.8, 0.2, 0, 0], [0, 0.7, 0.3, 0], [0, 0, 0.8, 0.2], [0.4, 0, 0, 0.6]])
+    random, seconds, time_s = np.random.default_rng(12), 500.0, 2.0
+    columns = columns_of(random, LAW, seconds)
+    image = (columns["t_ns"] - columns["t_ns"][0]) // 40_000_000
+    seen = np.isfinite(columns["range_m"])
+    for side in (0, 1):
+        draws, quality = random.random(int(image.max()) + 1), [0]
+        for one in draws[1:]:
+            quality.append(int(np.searchsorted(np.cumsum(step[quality[-1]]), one)))
+        rows = seen & (columns["side"] == side)
+        columns["quality"][rows] = 1 + np.array(quality)[image[rows]]
+        keep = np.exp(-0.04 / time_s)
+        white = np.sqrt(1.0 - keep**2) * random.standard_normal(len(draws))
+        share = 1.0 - 0.1 * ndtr(lfilter([1.0], [1.0, -keep], white))
+        columns["x_max_m"][rows] = (LAW.reach_m(columns["speed_mps"]) * share[image])[rows]
+    write_log(tmp_path, "one", columns)
+    found = tune_table(open_table([tmp_path]), OPEN).library.models["all"]
+    assert found.quality_period_s == 0.04
+    # the rarest state has some 5000 of 25,000 images: a share of it is known to 1 %
+    np.testing.assert_allclose(found.quality_step[1:, 1:], step, atol=0.05)
+    np.testing.assert_allclose(found.range_time_s, time_s, rtol=0.2)  # of 500 correlation times
 
 
 def test_bands_between_surfaces_have_the_shares_of_the_levels(model):
@@ -244,6 +270,30 @@ def test_all_rows_in_one_cell_are_refused(tmp_path):
     write_log(tmp_path, "one", columns_of(np.random.default_rng(1), law, 100.0, low=20.0, high=20.0))
     with pytest.raises(TableError, match="all rows are at one range"):
         tune_table(open_table([tmp_path]), OPEN)
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "expected"), [("side", 9, "side 9: 0 to 3"), ("quality", 7, "quality 7: 0 to 4")]
+)
+def test_codes_that_there_are_not_are_refused_by_name(tmp_path, column, value, expected):
+    columns = columns_of(np.random.default_rng(1), LAW, 5.0)
+    columns[column][7] = value
+    write_log(tmp_path, "odd", columns)
+    with pytest.raises(TableError, match=f"odd.parquet: {expected} was expected"):
+        tune_table(open_table([tmp_path]), OPEN)
+
+
+def test_a_log_that_was_interrupted_for_years_gives_the_same_model(tmp_path):
+    columns = columns_of(np.random.default_rng(1), LAW, 120.0, low=15.0, high=17.0)
+    late = columns["t_ns"] - columns["t_ns"][0] >= 60e9
+    long = columns | {"t_ns": columns["t_ns"] + late * (60 * 10**9), "log": 0}
+    far = columns | {"t_ns": columns["t_ns"] + late * (40 * 365 * 86_400 * 10**9)}
+    long.pop("log")
+    options = dataclasses.replace(OPEN, block_s=10.0, least_seconds=10.0)
+    for name, one in (("long", long), ("far", far)):
+        write_log(tmp_path / name, "drive", one)
+    one, other = (tune_table(open_table([tmp_path / name]), options) for name in ("long", "far"))
+    assert_same_models(one.library.models["all"], other.library.models["all"])
 
 
 def test_a_single_log_is_tuned_from_its_blocks(tmp_path):

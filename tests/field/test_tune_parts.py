@@ -9,7 +9,7 @@ from scipy.special import ndtri
 from scipy.stats import expon
 
 from vsensor.errors import TableError
-from vsensor.field.tune.blocks import LAGS, add_range, add_time, band_steps, scores_of
+from vsensor.field.tune.blocks import LAGS, add_range, add_time, band_steps, scores_of, slots_of
 from vsensor.field.tune.conditions import conditions
 from vsensor.field.tune.correlation import correlation_length_m, correlation_time_s
 from vsensor.field.tune.dwell import dwell_quantiles, dwells_of
@@ -215,6 +215,11 @@ def test_scores_of_tied_quantiles_are_in_their_middle():
     np.testing.assert_allclose(found, [ndtri(0.1), 0.5 * (ndtri(0.3) + ndtri(0.9))])
 
 
+def test_a_pause_takes_as_many_places_as_no_lag_reaches_over_and_shorter_ones_their_own():
+    t_ns = np.array([0, 41, 79, 200, 10**15, 10**15 + 40]) * 10**6
+    assert slots_of(t_ns, 40_000_000).tolist() == [0, 1, 2, 5, 5 + LAGS[-1] + 1, 5 + LAGS[-1] + 2]
+
+
 def test_steps_of_bands_are_counted_where_both_images_are_known():
     bands = np.array([[0, 1], [0, -1], [2, 1], [2, 0]])
     np.testing.assert_array_equal(band_steps(bands, 3), [[1, 0, 1], [1, 0, 0], [0, 0, 1]])
@@ -258,9 +263,10 @@ def test_dwell_quantiles_are_found_although_the_long_runs_are_cut_off():
 
 
 def test_runs_that_never_ended_give_a_finite_table():
-    found = dwell_quantiles(np.array([60.0, 100.0]), np.array([True, True]), np.array([0.1, 0.9]))
+    found = dwell_quantiles(np.array([60.0, 100.0]), np.array([True, True]), np.array([0.0, 0.1, 0.9]))
     assert np.all(np.isfinite(found))
-    assert found[0] > 10.0
+    assert found[0] == 0.0
+    assert found[1] > 10.0
 
 
 # --- reach -------------------------------------------------------------------------------------------------
@@ -285,6 +291,14 @@ def test_the_operating_range_follows_a_bend():
     share = 0.95 ** (1 / 8)  # the quantile of beta(8, 1)
     expected = np.array([share * reach(v) for v in knots])
     np.testing.assert_allclose(found, expected, atol=1.2)
+
+
+def test_of_a_single_speed_the_operating_range_is_its_quantile_beyond_it_too():
+    counts = np.zeros((60, REACH_BINS), np.int64)
+    counts[40, 100:120] = 50  # 50 to 60 m at 20 m/s
+    knots, found = operating_region(counts, 0.5, 0.95)
+    assert (knots[0], len(knots)) == (20.0, 2)
+    np.testing.assert_allclose(found, 59.25, atol=0.26)
 
 
 def test_the_share_of_the_operating_range_is_its_distribution():

@@ -92,7 +92,7 @@ def influence_of(table: Table, *, seed: int = 0, progress: Progress | None = Non
     sample = _sampled(table, progress)
     known = [name for name in DIMENSIONS if _varies(sample.columns[name])]
     unknown = tuple(name for name in DIMENSIONS if name not in known)
-    units = len(np.unique(sample.unit))
+    units = int(sample.unit.max()) + 1
     if not known or np.ptp(sample.size_m) == 0.0:
         raise TableError("no dimension or no error of the table varies: nothing to explain")
     if units < 2:
@@ -138,7 +138,8 @@ def _sampled(table: Table, progress: Progress | None) -> _Sample:
     if not sizes:
         raise TableError("no row of the table has an error that is used: nothing to explain")
     columns = {name: np.concatenate(values) for name, values in parts.items()}
-    return _Sample(columns, np.concatenate(sizes), np.concatenate(units), by)
+    unit = np.unique(np.concatenate(units), return_inverse=True)[1]  # a pause of a log makes none
+    return _Sample(columns, np.concatenate(sizes), unit, by)
 
 
 def _varies(values: Array) -> bool:

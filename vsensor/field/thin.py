@@ -13,6 +13,9 @@ from vsensor.field.tune.reading import Images, read_log
 from vsensor.field.tune.region import operating_region
 from vsensor.types import Array
 
+GAP_NS = 5_000_000_000
+"""Stretches that are less apart are one."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Thin:
@@ -81,9 +84,7 @@ def _stretches(file: LogFile, worth: Array, step_mps: float) -> Iterator[Stretch
     value = np.where(good, worth[cell], 0.0)
     long = np.diff(t_ns, append=t_ns[-1]) / 1e9
     long = np.where(long < 1.0, long, 0.0)
-    joined = _closed_gaps(value > 0.0, t_ns, 5.0)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], joined.astype(np.int8), [0]])))
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    for start, stop in _runs(_closed_gaps(value > 0.0, t_ns), t_ns):
         part = slice(start, stop)
         yield Stretch(
             log=file.log,
@@ -95,11 +96,19 @@ def _stretches(file: LogFile, worth: Array, step_mps: float) -> Iterator[Stretch
         )
 
 
-def _closed_gaps(inside: np.ndarray, t_ns: np.ndarray, longest_s: float) -> np.ndarray:
-    """Return `inside` with gaps of less than so many seconds closed: one stretch, not many."""
+def _runs(inside: np.ndarray, t_ns: np.ndarray) -> Iterator[tuple[int, int]]:
+    """Yield from and to of the images that are inside without a pause of the log between them."""
+    paused = np.diff(t_ns, prepend=t_ns[0]) >= GAP_NS
+    begins = inside & (paused | ~np.concatenate([[False], inside[:-1]]))
+    ends = inside & (np.concatenate([paused[1:], [True]]) | ~np.concatenate([inside[1:], [False]]))
+    yield from zip(np.flatnonzero(begins).tolist(), (np.flatnonzero(ends) + 1).tolist(), strict=True)
+
+
+def _closed_gaps(inside: np.ndarray, t_ns: np.ndarray) -> np.ndarray:
+    """Return `inside` with gaps of less than GAP_NS closed: one stretch, not many."""
     at = np.flatnonzero(inside)
     closed = inside.copy()
     for one, other in pairwise(at):
-        if other > one + 1 and (t_ns[other] - t_ns[one]) < longest_s * 1e9:
+        if other > one + 1 and (t_ns[other] - t_ns[one]) < GAP_NS:
             closed[one:other] = True
     return closed

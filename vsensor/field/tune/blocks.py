@@ -128,10 +128,23 @@ class BlockPass:
                         self.share_levels,
                     )
                     t_ns = images.t_ns[chosen]
-                    slot = np.rint((t_ns - t_ns[0]) / self.period_ns).astype(np.int64)
+                    slot = slots_of(t_ns, self.period_ns)
                     scores = np.full((int(slot[-1]) + 1, 1), np.nan)
                     scores[slot, 0] = np.rint(score * SCORE_ONE)
                     add_time(sums.time[group, :, :, -1:], scores)
+
+
+def slots_of(t_ns: np.ndarray, period_ns: int) -> np.ndarray:
+    """Return the places (N,) of images in time, in periods from the first; a pause is as long as no lag is.
+
+    So a log that was interrupted for days takes no more memory than its images do.
+    """
+    pauses = np.flatnonzero(np.diff(t_ns) > LAGS[-1] * period_ns) + 1
+    slot = np.zeros(len(t_ns), np.int64)
+    for start, stop in itertools.pairwise([0, *pauses.tolist(), len(t_ns)]):
+        before = slot[start - 1] + LAGS[-1] + 1 if start else 0
+        slot[start:stop] = before + np.rint((t_ns[start:stop] - t_ns[start]) / period_ns).astype(np.int64)
+    return slot
 
 
 def scores_of(values: Array, quantiles: Array, levels: Array) -> Array:

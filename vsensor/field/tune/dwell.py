@@ -82,7 +82,7 @@ def dwell_quantiles(seconds: Array, cut: np.ndarray, levels: Array) -> Array:
     reached = curve_p[-1] if len(curve_p) else 0.0
     last_s = curve_s[-1] if len(curve_s) else 0.0
     found = np.empty(len(levels))
-    inside = levels <= reached
+    inside = (levels <= reached) & (reached > 0.0)  # of runs that never ended no quantile is known
     found[inside] = curve_s[np.searchsorted(curve_p, levels[inside] - 1e-12)] if inside.any() else 0.0
     beyond = np.log((1.0 - reached) / (1.0 - levels[~inside])) / rate if (~inside).any() else np.zeros(0)
     found[~inside] = last_s + beyond

@@ -15,7 +15,7 @@ from vsensor.types import NANOSECONDS_PER_SECOND
 
 CHUNK = 1 << 18
 """Rows at a time: one of the table's row groups, some 10 MB of columns in each thread."""
-SIDES = 4
+SIDES, QUALITIES = 4, 5
 KNOWN_MASKS = [
     MASKS.index(mask) for mask in (Masked.USED, Masked.NO_LINE, Masked.BEYOND_RANGE, Masked.REFERENCE_GAP)
 ]
@@ -133,6 +133,7 @@ def read_log(
     gathered = _ImageRows()
     for frame in _frames(file.path, names):
         columns = {name: frame[name].to_numpy() for name in names if name not in ("masked", *asked)}
+        _require_codes(file.path, columns)
         reasons = frame["masked"].to_physical().to_numpy()
         extra = {name: frame[name].cast(need_polars().Float32).to_numpy() for name in asked}
         columns = extra | columns
@@ -157,6 +158,13 @@ def read_log(
             progress(len(frame))
     if images and gathered.parts:
         yield gathered.images()
+
+
+def _require_codes(path: Path, columns: Mapping[str, np.ndarray]) -> None:
+    """Refuse sides and qualities that there are not: they are places in what is counted."""
+    for name, count in (("side", SIDES), ("quality", QUALITIES)):
+        if name in columns and len(wrong := columns[name][(columns[name] < 0) | (columns[name] >= count)]):
+            raise TableError(f"{path}: {name} {wrong[0]}: 0 to {count - 1} was expected")
 
 
 def _frames(path: Path, names: list[str]) -> Iterator[Any]:

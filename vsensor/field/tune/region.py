@@ -30,6 +30,9 @@ def operating_region(counts: np.ndarray, step_mps: float, level: float) -> tuple
         return np.array([0.0, KNOT_STEP_MPS]), np.full(2, NEAREST_M)
     speed, reach = np.asarray(cell * step_mps, np.float64), reach_middles()[place]
     weight = counts[cell, place] / counts.sum()
+    if np.ptp(speed) == 0.0:  # knots beyond the only speed would hang in the air
+        range_m = reach[np.searchsorted(np.cumsum(weight), level * (1.0 - 1e-12))]
+        return np.array([speed[0], speed[0] + step_mps]), np.full(2, max(float(range_m), NEAREST_M))
     first, last = speed.min(), max(speed.max(), speed.min() + step_mps)
     knots = np.linspace(first, last, max(int(np.ceil((last - first) / KNOT_STEP_MPS)), 2) + 1)
     values = _check_loss_spline(_hats(knots, speed), reach, weight, level)

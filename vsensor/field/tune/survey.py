@@ -14,12 +14,11 @@ from vsensor.field.table import LogFile
 from vsensor.field.tune.conditions import Conditions
 from vsensor.field.tune.dwell import Dwells, dwells_of
 from vsensor.field.tune.grid import MAX_RANGE_MM, MAX_SPEED_MPS, Grid, range_mm, speed_cell
-from vsensor.field.tune.reading import SIDES, Images, Progress, Rows, period_ns, read_log
+from vsensor.field.tune.reading import QUALITIES, SIDES, Images, Progress, Rows, period_ns, read_log
 
 REACH_STEP_M = 0.5
 REACH_BINS = 801
 MAX_RANGES = 1000
-QUALITIES = 5
 
 
 @dataclass(slots=True, kw_only=True)
