@@ -113,6 +113,10 @@ def test_what_is_not_reported_is_told_and_nothing_is_reported_that_is_absent(fou
     assert (one.absent, one.gross_share) == (0, 0.0)
 
 
+def test_a_drive_that_goes_straight_on_says_nothing_of_time(found):
+    assert not [line for line in found[1].lines if "against the CAN log's" in line]
+
+
 def test_files_hold_the_same_as_the_figures(found):
     out, evaluation = found
     with (out / "table.csv").open() as file:

@@ -50,7 +50,7 @@ def write_files(
         require_folder(out / "rows" / method)
         for one in events:
             write_rows(out / "rows" / method / f"{one.name}.csv", one.rows[method])
-    parts = [paragraph(" ".join(said)), *_tables(methods, figures, present)]
+    parts = [*map(paragraph, said), *_tables(methods, figures, present)]
     missing: list[str] = []
     try:
         parts += _pictures(events, methods, figures) if pictures else []

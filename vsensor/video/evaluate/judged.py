@@ -10,8 +10,9 @@ from vsensor.errors import TableError, VsensorError
 from vsensor.profile import load_profiles
 from vsensor.types import Array
 from vsensor.video import lov
-from vsensor.video.can_signals import read_can
+from vsensor.video.can_signals import CanSignals, read_can
 from vsensor.video.evaluate.categories import Compared, compared
+from vsensor.video.evaluate.lateness import Timed
 from vsensor.video.evaluate.pairing import Reference, reference_of
 from vsensor.video.evaluate.rules import Rules
 from vsensor.video.evaluate.statistics import Pooled
@@ -27,12 +28,16 @@ Figures = Mapping[tuple[str, str], Mapping[str, Pooled]]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Judged:
-    """One event: the methods' rows, all of the same times, the reference, and the truth if it is known."""
+    """One event: the methods' rows, all of the same times, the reference, and the truth if it is known.
+
+    `can` is the log that the reference is from.
+    """
 
     folder: EventFolder
     rows: Mapping[str, Rows]
     reference: Reference
     truth: Truth | None
+    can: CanSignals
 
     @property
     def name(self) -> str:
@@ -48,6 +53,15 @@ class Judged:
         """Return a method's confidences (N, 2)."""
         rows = self.rows[method]
         return np.column_stack([rows.left_confidence, rows.right_confidence]).astype(np.float64)
+
+    def timed(self, method: str) -> Timed:
+        """Return what says by how much the method's signal is late."""
+        return Timed(
+            can=self.can,
+            at_s=self.reference.t_s + self.folder.config.video_starts_at_log_s,
+            offset_m=self.offsets(method),
+            counts=np.isfinite(self.reference.offset_m),
+        )
 
     def against_can(self, method: str) -> Compared:
         """Return the errors against the CAN log."""
@@ -85,7 +99,7 @@ def judged(folder: EventFolder, rows: Mapping[str, Rows], rules: Rules) -> Judge
     truth = None if folder.truth is None else read_truth(folder.truth, t_s)
     if rules.fill:
         rows = {name: _filled(one) if METHODS[name].has_lov else one for name, one in rows.items()}
-    return Judged(folder=folder, rows=rows, reference=reference, truth=truth)
+    return Judged(folder=folder, rows=rows, reference=reference, truth=truth, can=can)
 
 
 def _filled(rows: Rows) -> Rows:

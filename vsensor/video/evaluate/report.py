@@ -10,6 +10,7 @@ from vsensor.study.table import aligned
 from vsensor.video.evaluate.categories import by_category, table_of
 from vsensor.video.evaluate.files import write_files
 from vsensor.video.evaluate.judged import CAN, TRUTH, Figures, Judged, judge_events
+from vsensor.video.evaluate.lateness import lateness_s
 from vsensor.video.evaluate.rules import Rules
 from vsensor.video.evaluate.runs import RunOptions, run_methods
 from vsensor.video.evaluate.truth import Presence, presence, presence_table
@@ -64,13 +65,15 @@ def evaluate(place: Path, options: EvaluateOptions, say: Callable[[str], None]) 
     figures = _figures(chosen, options.methods)
     present = _presence(chosen, options)
     lines = _lines(len(folders), judged, chosen, options, figures, present)
+    late = late_lines(chosen, options.methods)
+    said = [*lines[:2], *late]
     missing = write_files(
-        options.out, lines[:2], chosen, options.methods, figures, present, pictures=options.pictures
+        options.out, said, chosen, options.methods, figures, present, pictures=options.pictures
     )
     return Evaluation(
         figures=figures,
         presence=present,
-        lines=tuple(lines),
+        lines=(*lines, *([""] if late else []), *late),
         failures=tuple(failures),
         interrupted=outcome.interrupted,
         missing=tuple(missing),
@@ -131,7 +134,20 @@ def _lines(
     ]
     for (method, against), found in figures.items():
         lines += ["", f"{method} against {against}", *_left_first(table_of(found))]
-    return [*lines, "", *_left_first(presence_table(present))] if present else lines
+    if present:
+        lines += ["", *_left_first(presence_table(present))]
+    return lines
+
+
+def late_lines(events: Sequence[Judged], methods: Sequence[str]) -> list[str]:
+    """Return by how much each method's signal is late against the CAN log's, where that can be said."""
+    found = []
+    for method in methods:
+        late_s = lateness_s([one.timed(method) for one in events])
+        if late_s == late_s:
+            word = "late" if late_s > 0.0 else "early"
+            found.append(f"{method}: its signal is {abs(late_s):.2f} s {word} against the CAN log's")
+    return found
 
 
 def _left_first(rows: Sequence[Sequence[str]]) -> list[str]:

@@ -86,7 +86,8 @@ def presence_table(present: Mapping[str, Presence]) -> list[list[str]]:
     rows = [[*heads, "off by more than another line would"]]
     for method, one in present.items():
         shares = [_percent(share) for share in (one.availability, one.false_share, one.gross_share)]
-        rows.append([method, str(one.near), shares[0], str(one.absent), shares[1], shares[2]])
+        absent = [str(one.absent), f"{one.absent_reported} = {shares[1]}"]
+        rows.append([method, str(one.near), shares[0], *absent, shares[2]])
     return rows
 
 
