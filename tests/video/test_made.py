@@ -180,6 +180,16 @@ def test_drawn_events_keep_to_the_criteria_of_the_study(number):
     assert max(abs(offset) for _, offset in ego["offset_m"]) + VEHICLE.width_m / 2 < 3.75 / 2
 
 
+def test_a_sixth_of_the_drawn_roads_and_more_have_bends_that_the_study_calls_curvy():
+    curvy = 0
+    for number in range(35):
+        made_of = planned("eor", 3, number)
+        mean_mps = np.mean([speed for _, speed in made_of.scenario["ego"]["speed_kmh"]]) / 3.6
+        line = (made_of.road or {}).get("line", [])
+        curvy += any(np.degrees(mean_mps / piece.get("radius_m", np.inf)) > 5.0 for piece in line)
+    assert curvy > 6
+
+
 def test_finished_events_are_kept_and_missing_ones_made_again(tmp_path):
     options = MakeOptions(out=tmp_path, events=2, seed=1, duration_s=0.1, workers=0)
     assert make_events(options).lines[0].endswith("2 of 2 events, 2 frames")

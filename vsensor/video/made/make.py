@@ -15,7 +15,7 @@ from vsensor.video.made.drives import EVENT_S, planned
 from vsensor.video.made.event import EVENT, write_event
 from vsensor.video.made.kinds import KINDS
 
-FORMAT = 1
+FORMAT = 2
 """Of what is drawn: events of another one are made again. A change of the program alone does not do that."""
 
 

@@ -11,7 +11,9 @@ SHIPPED: dict[Place, str] = {"track": "p3_track.toml", "highway": "highway.xodr"
 
 _YAW_RATE_RADPS = 0.13
 """No bend is driven through faster: P2's events have at most 10 deg/s."""
-_LATERAL_MPS2 = 2.2
+_LATERAL_MPS2 = {"motorway": 2.2, "rural": 3.0, "town": 3.0}
+_TIGHT, _TIGHTER = 0.5, 1.2
+"""So many bends are as tight as the speed allows, within this factor: from 5 deg/s on P2 calls it curvy."""
 _BANKED = 0.3  # of the lateral acceleration is taken by the road's fall
 _BEND_M = (70.0, 240.0)
 _NOT_BEFORE_M = 60.0  # the first gap, crosswalk: the sensor has seen both lines by then
@@ -33,7 +35,7 @@ def drawn_road(rng: np.random.Generator, place: Place, speed_mps: float, length_
     road = {
         "name": place,
         "type": place,
-        "line": _line(rng, speed_mps, length_m, straight_m=(200, 500) if place == "motorway" else (60, 250)),
+        "line": _line(rng, place, speed_mps, length_m),
         "elevation": _hills(rng, length_m, steepest=0.015 if place == "motorway" else 0.03),
         **drawn.road,
     }
@@ -112,16 +114,16 @@ def _town(rng: np.random.Generator, length_m: float) -> Drawn:
     return Drawn(road, -1, width_m, lanes_left=1)
 
 
-def _line(
-    rng: np.random.Generator, speed_mps: float, length_m: float, straight_m: tuple[float, float]
-) -> list[dict[str, Any]]:
+def _line(rng: np.random.Generator, place: Place, speed_mps: float, length_m: float) -> list[dict[str, Any]]:
     """Return straights and bends in turn, each bend as wide as the speed asks for."""
-    least_m = max(speed_mps / _YAW_RATE_RADPS, speed_mps**2 / _LATERAL_MPS2)
+    straight_m = (200.0, 500.0) if place == "motorway" else (50.0, 200.0)
+    least_m = max(speed_mps / _YAW_RATE_RADPS, speed_mps**2 / _LATERAL_MPS2[place])
     pieces: list[dict[str, Any]] = []
     done_m = 0.0
     while done_m < length_m:
         straight = rng.uniform(*straight_m)
-        radius = least_m * float(np.exp(rng.uniform(0.0, np.log(max(3.0, 1500.0 / least_m)))))
+        widest = _TIGHTER if rng.random() < _TIGHT else max(3.0, 1500.0 / least_m)
+        radius = least_m * float(np.exp(rng.uniform(0.0, np.log(widest))))
         clothoid, arc = rng.uniform(30.0, 90.0), rng.uniform(*_BEND_M)
         turn_deg = float(np.degrees((clothoid + arc) / radius)) * float(rng.choice([-1.0, 1.0]))
         pieces.append({"kind": "straight", "length_m": round(straight, 1)})
