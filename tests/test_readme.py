@@ -348,7 +348,7 @@ def test_the_limits_of_a_scan_are_those_of_the_program_with_their_defaults():
 
 
 def test_the_limits_of_a_validation_are_those_of_the_program_with_their_defaults():
-    from vsensor.field.validate.judge import ValidateLimits
+    from vsensor.field.validate.verdict import ValidateLimits
 
     said = {
         codes(row[0])[0]: float(row[1].strip("`"))
@@ -373,7 +373,7 @@ def test_the_schemas_are_those_of_the_program():
     from vsensor.experiment.matrix import SCHEMA as EXPERIMENT
     from vsensor.field.config import SCHEMA as SCAN
     from vsensor.field.table import SCHEMA as TABLE
-    from vsensor.field.validate.judge import SCHEMA as VALIDATE
+    from vsensor.field.validate.verdict import SCHEMA as VALIDATE
     from vsensor.profile import SCHEMA as PROFILE
     from vsensor.sinks.truth_points import SCHEMA as POINTS
     from vsensor.video.event_folder import SCHEMA as EVENT

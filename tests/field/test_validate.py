@@ -18,8 +18,8 @@ from vsensor.errors import ConfigError, TableError
 from vsensor.field.table import open_table
 from vsensor.field.tune.surface import SIGNED_LEVELS
 from vsensor.field.validate import validate_model
-from vsensor.field.validate.judge import as_json
 from vsensor.field.validate.place import LawTable
+from vsensor.field.validate.verdict import as_json
 from vsensor.field.virtual import FitSetting, VirtualSensor, fit_matrix
 from vsensor.lanefit import LaneFitConfig, fit
 

@@ -31,7 +31,7 @@ _RUN = """
 import json, sys, time
 from pathlib import Path
 from vsensor.field.table import open_table
-from vsensor.field.tune.tuning import TuneOptions, tune_table
+from vsensor.field.tune import TuneOptions, tune_table
 from vsensor.field.tune.reading import read_log
 
 table = open_table([Path(sys.argv[1])])
@@ -97,8 +97,8 @@ def _measured(folder: Path, what: str) -> dict[str, Any]:
 def _loop_s(folder: Path) -> float:
     """Return what closing the loop takes: it does not depend on the rows."""
     from vsensor.field.table import open_table
+    from vsensor.field.tune import TuneOptions, tune_table
     from vsensor.field.tune.loop import close_loop
-    from vsensor.field.tune.tuning import TuneOptions, tune_table
     from vsensor.field.virtual import FitSetting
 
     options = TuneOptions(close_loop=False, least_seconds=5.0)

@@ -4,6 +4,7 @@ survey ──► cells' scales ──► counts ──► surfaces ──► blo
 pass 1     local_scale       pass 2     quantiles    pass 3     quantiles, correlation     loop
 """
 
-from vsensor.field.tune.tuning import LEVELS, Tuned, TuneOptions, tune_table
+from vsensor.field.tune.tuned import LEVELS, Tuned, TuneOptions
+from vsensor.field.tune.tuning import tune_table
 
 __all__ = ["LEVELS", "TuneOptions", "Tuned", "tune_table"]

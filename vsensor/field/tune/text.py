@@ -8,7 +8,7 @@ import numpy as np
 from vsensor.error_model import ErrorModel
 from vsensor.field.tune.correlation import time_curve
 from vsensor.field.tune.survey import REACH_BINS, REACH_STEP_M
-from vsensor.field.tune.tuning import Condition, Tuned, shown_row
+from vsensor.field.tune.tuned import Condition, Tuned, shown_row
 from vsensor.pages import COLOURS, density, new_figure, png_of, require_folder
 from vsensor.study.table import replace_file
 

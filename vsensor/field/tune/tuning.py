@@ -3,28 +3,23 @@
 import math
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
 from datetime import UTC, datetime
 
 import numpy as np
 
-from vsensor.error_model import ErrorLibrary, ErrorModel
+from vsensor.error_model import ErrorLibrary
 from vsensor.errors import TableError
 from vsensor.field.table import Table
 from vsensor.field.tune.blocks import BlockPass, BlockSums
 from vsensor.field.tune.conditions import Conditions, conditions
-from vsensor.field.tune.correlation import correlation_length_m, correlation_time_s
 from vsensor.field.tune.counting import Binning, CountPass
-from vsensor.field.tune.dwell import dwell_quantiles
-from vsensor.field.tune.fir import Fir, fill_from_nearest, local_scale, low_pass, wider
+from vsensor.field.tune.fir import local_scale, low_pass, wider
 from vsensor.field.tune.grid import Grid
-from vsensor.field.tune.loop import Closed, close_loop
-from vsensor.field.tune.quantiles import FEWEST_BLOCKS
-from vsensor.field.tune.region import operating_region, range_share
+from vsensor.field.tune.loop import close_loop
+from vsensor.field.tune.models import SHARE_LEVELS, Work, model_of_work, share_of
+from vsensor.field.tune.region import operating_region
 from vsensor.field.tune.spread import Spread, on_cluster, rows_bar, threads
 from vsensor.field.tune.surface import (
-    SIGNED_LEVELS,
-    Intervals,
     Surfaces,
     band_table,
     intervals,
@@ -32,82 +27,12 @@ from vsensor.field.tune.surface import (
     surfaces,
     unfiltered_m,
 )
-from vsensor.field.tune.survey import Survey, SurveyPass, cell_sums
-from vsensor.field.virtual import FitSetting
-from vsensor.types import Array, frozen
+from vsensor.field.tune.survey import SurveyPass, cell_sums
+from vsensor.field.tune.tuned import Condition, Tuned, TuneOptions, shown_row
+from vsensor.types import Array
 
-LEVELS = (0.5, 0.8, 0.9, 0.95, 0.97, 0.99)
-DWELL_LEVELS = np.concatenate([[0.0], np.linspace(0.02, 0.98, 49), [0.99, 0.995, 0.9995]])
-SHARE_LEVELS = np.concatenate([[0.001, 0.005], np.linspace(0.01, 0.99, 50), [0.995, 0.999]])
-SHOWN_M = 20.0
-"""Range of the picture over speed, as P1's fig. 3.10."""
 CORRELATED_ROWS = 30_000_000
 """About so many rows are looked at for correlation."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TuneOptions:
-    """What the command line says. A cell with less than `least_seconds` of driving is blind."""
-
-    levels: tuple[float, ...] = LEVELS
-    by: str = ""
-    step_mps: float = 0.5
-    order: int = 10
-    cutoff_s_per_m: float = 0.2
-    region_level: float = 0.95
-    block_s: float = 60.0
-    least_seconds: float = 60.0
-    close_loop: bool = True
-    setting: FitSetting = field(default_factory=FitSetting)
-    seed: int = 0
-    scheduler: str | None = None
-    progress: bool = False
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Condition:
-    """One condition's model with what is told about it.
-
-    `unfiltered_m` (L, V): quantiles of each speed alone, before the low-pass, at the range `SHOWN_M`.
-    """
-
-    name: str
-    model: ErrorModel
-    spread: Intervals
-    closed: Closed | None
-    sums: BlockSums
-    place: int
-    unfiltered_m: Array
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tuned:
-    """What tuning found; `skipped` are combinations of conditions that the table does not have.
-
-    `block_s` is how long the blocks were that the intervals come from.
-    """
-
-    library: ErrorLibrary
-    conditions: tuple[Condition, ...]
-    skipped: tuple[str, ...]
-    survey: Survey
-    block_s: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Work:
-    """What all conditions share."""
-
-    options: TuneOptions
-    chosen: Conditions
-    levels: Array
-    fir: Fir
-    grid: Grid
-    survey: Survey
-    counts: np.ndarray
-    binning: Binning
-    rows: np.ndarray
-    seconds: Array
 
 
 def tune_table(table: Table, options: TuneOptions) -> Tuned:
@@ -125,7 +50,7 @@ def tune_table(table: Table, options: TuneOptions) -> Tuned:
         scale_m = local_scale(wider(fir, options.step_mps), rows, mean_m)
         binning = Binning(conditions=chosen, grid=grid, scale_m=scale_m)
         counts = spread(CountPass(binning=binning), table.files)
-        work = _Work(
+        work = Work(
             options=options,
             chosen=chosen,
             levels=levels,
@@ -188,7 +113,7 @@ def _require_cells(rows: np.ndarray, seconds: Array, options: TuneOptions, grid:
         )
 
 
-def _surfaces(work: _Work, place: int) -> Surfaces:
+def _surfaces(work: Work, place: int) -> Surfaces:
     return surfaces(
         work.counts[place],
         work.fir,
@@ -199,18 +124,12 @@ def _surfaces(work: _Work, place: int) -> Surfaces:
     )
 
 
-def _region(work: _Work, place: int) -> tuple[Array, Array]:
+def _region(work: Work, place: int) -> tuple[Array, Array]:
     reach = work.survey.reach[place]
     return operating_region(reach, work.options.step_mps, work.options.region_level)
 
 
-def _share(work: _Work, place: int, region: tuple[Array, Array]) -> Array:
-    reach = work.survey.reach[place]
-    speeds = np.arange(len(reach)) * work.options.step_mps
-    return range_share(reach, np.interp(speeds, *region), SHARE_LEVELS)
-
-
-def _block_pass(work: _Work, found: list[Surfaces], regions: list[tuple[Array, Array]]) -> BlockPass:
+def _block_pass(work: Work, found: list[Surfaces], regions: list[tuple[Array, Array]]) -> BlockPass:
     return BlockPass(
         binning=work.binning,
         fir=work.fir,
@@ -218,7 +137,7 @@ def _block_pass(work: _Work, found: list[Surfaces], regions: list[tuple[Array, A
         band_of=np.concatenate([band_table(one).reshape(-1) for one in found]),
         score_of=np.concatenate([score_table(counts, work.fir).reshape(-1) for counts in work.counts]),
         reach_m=np.array([np.interp(work.grid.speed_mps, *region) for region in regions]),
-        share=np.array([_share(work, place, region) for place, region in enumerate(regions)]),
+        share=np.array([share_of(work, place, region) for place, region in enumerate(regions)]),
         share_levels=SHARE_LEVELS,
         period_ns=max(work.survey.period_ns(), 1),
         block_ns=round(work.options.block_s * 1e9),
@@ -227,10 +146,10 @@ def _block_pass(work: _Work, found: list[Surfaces], regions: list[tuple[Array, A
 
 
 def _condition(
-    work: _Work, place: int, found: Surfaces, region: tuple[Array, Array], sums: BlockSums
+    work: Work, place: int, found: Surfaces, region: tuple[Array, Array], sums: BlockSums
 ) -> Condition:
     spread = intervals(work.counts[place], work.fir, found, sums, place)
-    model = _model(work, place, found, spread, region, sums)
+    model = model_of_work(work, place, found, spread, region, sums)
     closed = close_loop(model, work.options.setting, work.options.seed) if work.options.close_loop else None
     shown = shown_row(model)
     unfiltered = unfiltered_m(
@@ -247,110 +166,7 @@ def _condition(
     )
 
 
-def shown_row(model: ErrorModel) -> int:
-    """Return the place of the range whose course over speed is shown."""
-    return int(np.argmin(np.abs(model.range_m - SHOWN_M)))
-
-
-def _blind(work: _Work, place: int, found: Surfaces, spread: Intervals) -> np.ndarray:
-    """Return which cells (R, V) have too little driving to be used."""
-    few = (found.seconds < work.options.least_seconds) | (spread.blocks < FEWEST_BLOCKS)
-    blind = (few | ~found.driven | ~np.isfinite(found.absolute_m).all(axis=0)).T
-    if blind.all():
-        raise TableError(
-            f"model {work.chosen.names[place]!r}: every cell is blind; the best has "
-            f"{found.seconds.max():.0f} s of driving in {spread.blocks.max():.1f} blocks of "
-            f"{work.options.block_s:g} s, at least {work.options.least_seconds:g} s in {FEWEST_BLOCKS:g} "
-            "blocks were expected"
-        )
-    return blind
-
-
-def _model(
-    work: _Work,
-    place: int,
-    found: Surfaces,
-    spread: Intervals,
-    region: tuple[Array, Array],
-    sums: BlockSums,
-) -> ErrorModel:
-    """Return a condition's model, its loop not closed yet."""
-    blind = _blind(work, place, found, spread)
-    period_s = max(work.survey.period_ns(), 1) / 1e9
-    time, along = _own_or_all(sums.time, place), _own_or_all(sums.range, place)
-    time_s = correlation_time_s(time[:, :, :-1], period_s)
-    length_m = correlation_length_m(along, work.grid.range_m)
-    signed = _filled(found.signed_m, blind)
-    dwells = [_dwells(work, place, seen=seen) for seen in (False, True)]
-    return ErrorModel(
-        range_m=frozen(work.grid.range_m),
-        speed_mps=frozen(work.grid.speed_mps),
-        levels=frozen(work.levels),
-        absolute_m=_filled(found.absolute_m, blind),
-        absolute_low_m=frozen(np.where(blind, np.nan, spread.low_m.transpose(0, 2, 1))),
-        absolute_high_m=frozen(np.where(blind, np.nan, spread.high_m.transpose(0, 2, 1))),
-        signed_levels=frozen(SIGNED_LEVELS),
-        signed_m=signed,
-        applied_signed_m=signed,
-        applied_length_m=length_m,
-        applied_time_s=time_s,
-        correlation_length_m=length_m,
-        correlation_time_s=time_s,
-        rows=frozen(found.rows.T),
-        seconds=frozen(found.seconds.T),
-        blind=frozen(blind, bool),
-        fir=frozen(work.fir.taps),
-        fir_order=float(work.fir.order),
-        fir_cutoff_s_per_m=work.fir.cutoff_s_per_m,
-        region_speed_mps=frozen(region[0]),
-        region_range_m=frozen(region[1]),
-        region_level=work.options.region_level,
-        dwell_levels=frozen(DWELL_LEVELS if len(dwells[0]) else []),
-        lost_dwell_s=frozen(dwells[0]),
-        seen_dwell_s=frozen(dwells[1] if len(dwells[0]) else []),
-        range_share_levels=frozen(SHARE_LEVELS),
-        range_share=frozen(_share(work, place, region)),
-        range_time_s=correlation_time_s(time[:, :, -1:], period_s),
-        quality_period_s=period_s,
-        quality_step=frozen(_markov(work.survey.quality[place])),
-        level_period_s=period_s,
-        level_step=frozen(_markov(_own_or_all(sums.bands, place))),
-        log_count=float(work.survey.logs),
-        hours=work.survey.images_ns / 3.6e12,
-    )
-
-
-def _own_or_all(sums: np.ndarray, place: int) -> np.ndarray:
-    """Return a condition's sums, or those of all conditions where no looked-at block was its own."""
-    return np.asarray(sums[place] if np.any(sums[place]) else sums.sum(axis=0))
-
-
-def _filled(surface: Array, blind: np.ndarray) -> Array:
-    """Return surfaces (S, V, R) as (S, R, V), blind cells like their nearest, rising with the level."""
-    turned = np.where(blind, np.nan, surface.transpose(0, 2, 1))
-    filled = np.stack([fill_from_nearest(one) for one in turned])
-    return frozen(np.maximum.accumulate(filled, axis=0))
-
-
-def _dwells(work: _Work, place: int, *, seen: bool) -> Array:
-    """Return quantiles of runs; empty if no line was ever lost."""
-    if not work.survey.dwells.of(None, seen=False)[0].size:
-        return np.zeros(0)
-    seconds, cut = work.survey.dwells.of(place, seen=seen)
-    if not len(seconds):
-        seconds, cut = work.survey.dwells.of(None, seen=seen)
-    return dwell_quantiles(seconds, cut, DWELL_LEVELS)
-
-
-def _markov(steps: np.ndarray) -> Array:
-    """Return the Markov matrix of counted steps; a state that was never left has the shares of all states."""
-    left, entered = steps.sum(axis=1, keepdims=True), steps.sum(axis=0)
-    if not entered.any():
-        return np.zeros((0, 0))
-    return np.asarray(np.where(left > 0, steps / np.maximum(left, 1), entered / entered.sum()))
-
-
-def _library(work: _Work, tuned: list[Condition], logs: int) -> Tuned:
+def _library(work: Work, tuned: list[Condition], logs: int) -> Tuned:
     from importlib.metadata import version
 
     names = {one.name for one in tuned}

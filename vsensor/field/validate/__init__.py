@@ -9,8 +9,9 @@ from vsensor.errors import TableError
 from vsensor.field.table import Table
 from vsensor.field.tune.reading import Progress
 from vsensor.field.validate.held_out import look
-from vsensor.field.validate.judge import Judged, judge, load_limits, summary
+from vsensor.field.validate.judge import judge
 from vsensor.field.validate.page import require_page, write_json, write_page
+from vsensor.field.validate.verdict import Judged, load_limits, summary
 from vsensor.field.virtual import FitSetting
 
 

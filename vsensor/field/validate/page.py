@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from vsensor.errors import ConfigError
-from vsensor.field.validate.judge import LEVELS, Judged, as_json, summary
+from vsensor.field.validate.judge import LEVELS
+from vsensor.field.validate.verdict import Judged, as_json, summary
 from vsensor.pages import COLOURS, html_image, new_figure, pdf_of, require_place
 from vsensor.study.table import replace_file
 
