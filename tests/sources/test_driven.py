@@ -145,6 +145,14 @@ def test_a_lane_that_is_not_there_is_told_before(straight):
     assert found == ("ego.manoeuvre[0]: no such lane at 100 m, so it drives beside the road's lanes",)
 
 
+def test_a_lane_change_in_a_year_is_not_looked_for_along_a_year_of_road(straight, monkeypatch):
+    monkeypatch.setattr(
+        Corridor, "reaches", lambda self, s_m: s_m < 1e6 or pytest.fail(f"gone {s_m} m along")
+    )
+    change = {"kind": "lane_change", "lanes_left": 5, "at_s": 3e7}
+    assert driver_on(straight, manoeuvres=[change]).findings == ()
+
+
 # ---- the speed ----
 
 

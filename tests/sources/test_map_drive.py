@@ -442,6 +442,7 @@ def test_on_real_roads_every_vehicle_stands_between_the_borders_of_its_lane(name
         ({"offset_m": 30}, {}, "ego.offset_m"),
         ({}, {"recycle_m": 200}, r"traffic\[0\].recycle_m"),
         ({}, {"speed_kmh": 50, "ahead_m": [(0, 1), (1, 2)]}, r"traffic\[0\].ahead_m"),
+        ({}, {"ahead_m": -2e5}, r"traffic\[0\].ahead_m: at most 100000 m"),
         ({}, {"size_m": (4.0, 0.0, 1.0)}, r"traffic\[0\].size_m"),
     ],
 )

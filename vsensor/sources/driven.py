@@ -35,6 +35,8 @@ from vsensor.world.vehicle import (
 )
 
 WIDTH_STEP_M = 10.0
+LOOKED_AT_M = 100_000.0
+"""So far the lanes of manoeuvres are looked for beforehand: a circuit has no end."""
 OFF_LANE = "the vehicle was off its lane, a wheel beyond a border,"
 OFF_ROUTE = f"the vehicle was off the route, over {FARTHEST_M:g} m away or against it,"
 
@@ -90,7 +92,9 @@ class DrivenDrive:
         for shift in self.plan.shifts:
             lanes += shift.lanes_left
             is_there = (
-                not corridor.reaches(shift.end_m) or corridor.lane_beside(shift.end_m, lanes) is not None
+                shift.end_m > LOOKED_AT_M
+                or not corridor.reaches(shift.end_m)
+                or corridor.lane_beside(shift.end_m, lanes) is not None
             )
             if shift.lanes_left and not is_there:
                 found.append(

@@ -15,6 +15,8 @@ from vsensor.world.profiles import LinearProfile, Points, SmoothProfile
 
 MPS_PER_KMH = 1.0 / 3.6
 MOST_LANES = 8
+FARTHEST_M = 100_000.0
+"""No vehicle starts farther away: roads are gone along to where it stands, and a circuit has no end."""
 
 VEHICLE_SIZES_M = {
     "car": (4.6, 1.8, 1.5),
@@ -93,6 +95,8 @@ def vehicle(config: TrafficConfig, number: int, shapes: Shapes) -> Vehicle:
     """Compile a vehicle; raises ConfigError naming its key."""
     where = f"traffic[{number}]"
     ahead = LinearProfile.of(config.ahead_m, f"{where}.ahead_m")
+    if max(map(abs, ahead.values)) > FARTHEST_M:
+        raise ConfigError(f"{where}.ahead_m: at most {FARTHEST_M:g} m to either side were expected")
     if config.speed_kmh is None and config.recycle_m is not None:
         raise ConfigError(f"{where}.recycle_m: only a vehicle with a speed_kmh of its own comes round again")
     if config.speed_kmh is not None and len(ahead.values) > 1:

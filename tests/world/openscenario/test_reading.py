@@ -202,6 +202,14 @@ def changed(old, new):
             changed('laneId="-1" s="50" offset="0.0"', 'laneId="-1" s="50" offset="-12"'),
             "Ego starts off the road",
         ),
+        (
+            changed('dynamicsDimension="time" value="3"', 'dynamicsDimension="time" value="-3"'),
+            "a time of at least 0 was expected",
+        ),
+        (
+            changed(lane_position(100), '<RelativeLanePosition entityRef="Ego" dLane="0" ds="2e5"/>'),
+            "200000 m: at most 100000 m were expected",
+        ),
         (changed('dynamicsShape="cubic"', 'dynamicsShape="round"'), "linear or cubic or sinusoidal or step"),
         (
             changed('<AbsoluteTargetSpeed value="20"/>', '<AbsoluteTargetSpeed value="-3"/>'),

@@ -80,7 +80,10 @@ def read_global(reader: StoryReader, cast: Cast, element: Element) -> Action:
 def _dynamics(reader: StoryReader, element: Element) -> Dynamics:
     shape = reader.choice(element, "dynamicsShape", SHAPES)
     dimension = reader.choice(element, "dynamicsDimension", DIMENSIONS)
-    value = abs(reader.number(element, "value", 0.0 if shape == "step" else None))
+    value = reader.number(element, "value", 0.0 if shape == "step" else None)
+    if value < 0.0 and dimension != "rate":
+        raise reader.error(element, f'value="{value:g}": a {dimension} of at least 0 was expected')
+    value = abs(value)  # of a rate: some files give one that brakes a sign
     if dimension == "rate" and shape != "step" and value == 0.0:
         raise reader.error(element, 'value="0": a rate other than 0 was expected')
     return Dynamics(shape, dimension, value)

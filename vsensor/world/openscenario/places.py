@@ -11,6 +11,8 @@ from vsensor.world.openscenario.spots import Spot
 from vsensor.world.openscenario.work import Work
 
 LARGEST_OFFSET_M = 1000.0
+FARTHEST_M = 100_000.0
+"""No place is looked for farther along the roads: a circuit has no end."""
 
 
 def spot_for(work: Work, position: Position) -> Spot:
@@ -103,6 +105,8 @@ def _along(work: Work, position: Position, spot: Spot) -> Spot:
     """Return a place beyond the end of the other's road, along its track."""
     track, s_m = spot.track, spot.s_m + position.s_m * spot.track.direction
     corridor = work.tracks.corridor(track)
+    if abs(position.s_m) > FARTHEST_M:
+        raise StoryError(f"{position.where}: {position.s_m:g} m: at most {FARTHEST_M:g} m were expected")
     if not corridor.reaches(s_m):
         raise StoryError(f"{position.where}: the road ends before it")
     place, road_s = corridor.place(s_m)
@@ -151,7 +155,7 @@ def _on_route(work: Work, position: Position) -> Spot:
     )
     s_m = first.s_m + position.s_m
     corridor = work.tracks.corridor(start.track)
-    if position.s_m < 0.0 or not corridor.reaches(s_m):
+    if not 0.0 <= position.s_m <= FARTHEST_M or not corridor.reaches(s_m):
         raise StoryError(f"{position.where}: pathS = {position.s_m:g} m is not on the route")
     place, road_s = corridor.place(s_m)
     if position.lane is None:
