@@ -41,9 +41,15 @@ def test_a_drive_over_packed_roads_is_that_over_plain_ones(name, request):
 
 def many(count):
     """Return the text of a row of roads, one after the other."""
-    link = '<predecessor elementType="road" elementId="{}" contactPoint="end"/>'
-    link += '<successor elementType="road" elementId="{}" contactPoint="start"/>'
-    roads = [road(number=k, link=link.format(k - 1, k + 1)) for k in range(count)]
+    before = '<predecessor elementType="road" elementId="{}" contactPoint="end"/>'
+    after = '<successor elementType="road" elementId="{}" contactPoint="start"/>'
+    roads = [
+        road(
+            number=k,
+            link=(before.format(k - 1) if k else "") + (after.format(k + 1) if k < count - 1 else ""),
+        )
+        for k in range(count)
+    ]
     moved = [each.replace('x="0"', f'x="{100 * k}"') for k, each in enumerate(roads)]
     return document(*moved)
 

@@ -51,6 +51,26 @@ def test_a_number_that_is_none_is_refused_by_name(tmp_path, value):
         ('length="100.0" junction', 'length="0" junction', "<road>: length"),
         ('junction="-1"', 'rule="MHT"', "<road>: rule"),
         ('revMajor="1"', 'revMajor="2"', "<header>: OpenDRIVE 2.7"),
+        (
+            "<link></link><planView>",
+            '<link><successor elementId="8"/></link><planView>',
+            "<road>: its successor, road 8, is not in the map",
+        ),
+        (
+            "<link></link><planView>",
+            '<link><predecessor elementType="junction" elementId="8"/></link><planView>',
+            "<road>: its predecessor, junction 8, is not in the map",
+        ),
+        (
+            "</road>",
+            '</road><junction id="9"><connection incomingRoad="1" connectingRoad="7"/></junction>',
+            "<connection>: names road 7, which is not in the map",
+        ),
+        (
+            'a="3.5" b="0" c="0" d="0"/>',
+            'a="3.5" b="-0.1" c="0" d="0"/>',
+            "<lane>: its width is -6.5 m at s = 100",
+        ),
     ],
 )
 def test_a_broken_element_is_refused_by_name(tmp_path, wrong, right, says):
@@ -139,17 +159,7 @@ def test_findings_that_a_map_survives_are_warnings_with_a_line(tmp_path):
         ('type="solid"/>', 'type="solid"><sway/></roadMark>', "<sway>: is ignored"),
         ('type="solid"/>', 'type="wavy"/>', 'type="wavy" is not known'),
         ('type="solid"/>', 'type="solid" color="pink"/>', 'color="pink" is not known'),
-        (
-            "<link></link><planView>",
-            '<link><successor elementId="8"/></link><planView>',
-            "road 8, is not in the map",
-        ),
         ('<width sOffset="0" a="3.5" b="0" c="0" d="0"/>', "", "neither width nor border"),
-        (
-            'a="3.5" b="0" c="0" d="0"/>',
-            'a="3.5" b="-0.1" c="0" d="0"/>',
-            "<lane>: its width is -6.5 m at s = 100: 0 m wherever below 0",
-        ),
         ("<header ", "<kopf ", "no <header>"),
         ('revMinor="7"', 'revMinor="1"', "OpenDRIVE 1.1 is read as"),
         ('id="1" type', 'id="3" type', "lane ids are not counted on from the centre"),
@@ -165,15 +175,14 @@ def test_what_is_doubtful_is_told_and_driven(tmp_path, wrong, right, says):
     assert Corridor(road_map).markings_window(0.0, 10.0)
 
 
-def test_a_road_that_crosses_itself_on_one_level_is_told_and_one_that_bridges_itself_is_not(tmp_path):
+def test_a_road_that_crosses_itself_on_one_level_is_refused_and_one_that_bridges_itself_is_not(tmp_path):
     """A full circle of 10 m and on in a straight line: it comes by its own beginning."""
     around = 2 * math.pi * 10.0
     plan = geometry("<line/>", 20.0) + geometry('<arc curvature="0.1"/>', around * 0.75, s=20.0, x=20.0)
     end = 20.0 + around * 0.75
     plan += geometry("<line/>", 30.0, s=end, x=10.0, y=10.0, hdg=1.5 * math.pi)
-    level = loaded(tmp_path, road(plan, length=end + 30.0))
-    (warning,) = level.warnings
-    places = re.search(r"<road>: crosses itself on one level at s = ([\d.]+) and ([\d.]+) m", warning)
+    said = refusal(tmp_path, document(road(plan, length=end + 30.0)))
+    places = re.search(r"<road>: crosses itself on one level at s = ([\d.]+) and ([\d.]+) m", said)
     np.testing.assert_allclose([float(places[1]), float(places[2])], [10.0, end + 10.0], atol=0.3)
     hill = '<elevation s="0" a="0" b="0.1" c="0" d="0"/>'
     assert loaded(tmp_path, road(plan, length=end + 30.0, elevation=hill)).warnings == ()

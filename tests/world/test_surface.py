@@ -73,8 +73,8 @@ def test_border_polynomials_stand_for_widths(tmp_path):
     assert [float(t[i][0]) for i in cross_section.ids] == [4.0, 0.0, -4.0, -6.0]
 
 
-def test_a_width_below_zero_counts_as_zero(tmp_path):
-    lanes = section(right=[lane(-1, "-1"), lane(-2, "3")])
+def test_a_width_that_is_below_zero_by_rounding_counts_as_zero(tmp_path):
+    lanes = section(right=[lane(-1, "-0.0009"), lane(-2, "3")])
     cross_section = loaded(tmp_path, road(sections=lanes)).road(1).sections[0]
     t, _ = cross_section.borders(np.array([10.0]), cross_section.ids)
     assert [float(t[i][0]) for i in cross_section.ids] == [0.0, 0.0, -3.0]

@@ -96,21 +96,20 @@ class _Loading:
             self._packed.add(road.id, element)
 
     def _known(self, found: list[tuple[int, Connection]]) -> Iterator[Connection]:
-        """Yield the connections whose roads are in the map."""
+        """Yield the connections; raises MapError for one whose roads are not in the map."""
         for line, connection in found:
             missing = [r for r in (connection.incoming, connection.connecting) if r not in self._roads]
             if missing:
-                what = f"names road {shortened(missing[0])}, which is not in the map, and is left out"
-                self._reader.warn_at(line, "connection", what)
-            else:
-                yield connection
+                what = f"names road {shortened(missing[0])}, which is not in the map"
+                raise self._reader.error_at(line, "connection", what)
+            yield connection
 
     def _check_links(self) -> None:
         for line, name, link in self._links:
             if link.id not in (self._junctions if link.is_junction else self._roads):
                 what = "junction" if link.is_junction else "road"
-                told = f"its {name}, {what} {shortened(link.id)}, is not in the map: a dead end"
-                self._reader.warn_at(line, "road", told)
+                told = f"its {name}, {what} {shortened(link.id)}, is not in the map"
+                raise self._reader.error_at(line, "road", told)
 
 
 def _check_header(reader: MapReader, header: Element) -> None:
@@ -127,10 +126,8 @@ def _road(reader: MapReader, element: Element) -> Road:
     length = _length(reader, element, plan)
     elevation = _cubics(reader, children(element.find("elevationProfile"), "elevation"))
     if (crossing := self_crossing(plan, elevation, length)) is not None:
-        reader.warn(
-            element,
-            "crosses itself on one level at s = {:.1f} and {:.1f} m: taken as it is".format(*crossing),
-        )
+        where = "s = {:.1f} and {:.1f} m".format(*crossing)
+        raise reader.error(element, f"crosses itself on one level at {where}")
     rule = reader.choice(element, "rule", ("RHT", "LHT"))
     lateral = element.find("lateralProfile")
     for ignored in children(lateral, "crossfall", "crossSectionSurface"):

@@ -35,14 +35,14 @@ def read_lanes(reader: MapReader, road: Element, length_m: float, road_type: str
 
 
 def _check_widths(reader: MapReader, section: Element, lanes: dict[int, Lane], end_m: float) -> None:
-    """Tell lanes that are narrower than nothing: one line for each, where it is worst."""
+    """Refuse lanes that are narrower than nothing; raises MapError saying where one is worst."""
     for el in (el for group in children(section, *SIDES) for el in children(group, "lane")):
         lane = lanes[reader.integer(el, "id")]
         if lane.is_border or lane.id == 0:
             continue
         narrowest, at_m = lane.width.least(end_m)
         if narrowest < -WIDTH_TOLERANCE_M:
-            reader.warn(el, f"its width is {narrowest:.3g} m at s = {at_m:.6g}: 0 m wherever below 0")
+            raise reader.error(el, f"its width is {narrowest:.3g} m at s = {at_m:.6g}")
 
 
 def _within(records: list[CubicRecord], start_m: float, end_m: float) -> Cubics:

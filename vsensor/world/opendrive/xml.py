@@ -51,9 +51,9 @@ class MapReader:
         """Note a finding that the map survives."""
         self.warnings.append(f"{self.path}:{element.sourceline}: <{element.tag}>: {text}")
 
-    def warn_at(self, line: int, tag: str, text: str) -> None:
-        """Note a finding about an element that is no longer there."""
-        self.warnings.append(f"{self.path}:{line}: <{tag}>: {text}")
+    def error_at(self, line: int, tag: str, text: str) -> VsensorError:
+        """Return (not raise) the refusal of an element that is no longer there."""
+        return self.error_type(f"{self.path}:{line}: <{tag}>: {text}")
 
     def text(self, element: Element, name: str) -> str:
         """Return an attribute that must be there and not empty."""
