@@ -57,6 +57,7 @@ def differences(source, t_s, step_s=1e-3):
 
 
 def arc_road(radius_m, length_m=1000.0, **more):
+    length_m = min(length_m, 6.0 * abs(radius_m))  # not quite round: a road on itself is refused
     plan = geometry(f'<arc curvature="{1.0 / radius_m!r}"/>', length_m)
     return road(plan=plan, length=length_m, **more)
 

@@ -56,7 +56,7 @@ def _in_block(block: Block, ids: IntArray, route_m: Array) -> Array:
             continue
         t[0, mine] += _stripe_offsets(marks, Stripe(stripe), s[mine], piece.place.direction)
     point = frame.line + _times(t, frame.e_t)
-    if piece.road.shape is not None:
+    if piece.road.shape is not None and frame.e_h is not None:
         point += _times(piece.road.shape.series(s, t), frame.e_h)
     point[1::2] *= piece.place.direction  # the parameter runs as the drive does
     return point

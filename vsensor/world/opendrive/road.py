@@ -71,7 +71,8 @@ class Road:
     def series(self, s_m: Array) -> CrossSeries:
         """Return the road's frame at s (N,) as Taylor series along s."""
         tilt = None if self.superelevation.is_zero else taylor.of_cubics(self.superelevation, s_m)
-        return cross_series(self.plan.series(s_m), taylor.of_cubics(self.elevation, s_m), tilt)
+        elevation = taylor.of_cubics(self.elevation, s_m)
+        return cross_series(self.plan.series(s_m), elevation, tilt, upwards=self.shape is not None)
 
     def point(self, s_m: Array, t_m: Array | float, h_m: Array | float = 0.0) -> Array:
         """Return world points (N, 3) at s, t, h (N,)."""

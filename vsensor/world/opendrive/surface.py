@@ -49,29 +49,38 @@ def cross(
 
 @dataclass(frozen=True, slots=True)
 class CrossSeries:
-    """The road's frame at N places as Taylor series along s, each (TERMS, 3, N)."""
+    """The road's frame at N places as Taylor series along s, each (TERMS, 3, N); `e_h` where asked for."""
 
     line: Array
     e_t: Array
-    e_h: Array
+    e_h: Array | None
 
 
 def cross_series(
-    plan: tuple[Array, Array, Array, Array], elevation: Array, tilt: Array | None
+    plan: tuple[Array, Array, Array, Array], elevation: Array, tilt: Array | None, *, upwards: bool
 ) -> CrossSeries:
-    """Return the frames from the series of plan view (position, tangent), elevation and tilt."""
+    """Return the frames from the series of plan view (position, tangent), elevation and tilt.
+
+    `upwards`: with e_h, which only a road with a shape across needs.
+    """
     x, y, cy, sy = plan
     zero, one = np.zeros_like(x), taylor.constant(np.ones_like(x[0]))
     line = np.stack((x, y, elevation), axis=1)
-    if tilt is None and not elevation[1:].any():
+    product, is_level = taylor.product, not elevation[1:].any()
+    if tilt is None and is_level:
         return CrossSeries(line, np.stack((-sy, cy, zero), axis=1), np.stack((zero, zero, one), axis=1))
-    product = taylor.product
+    if is_level and not upwards and tilt is not None:
+        sr, cr = taylor.sine_cosine(tilt)
+        return CrossSeries(line, np.stack((-product(sy, cr), product(cy, cr), sr), axis=1), None)
     slope = taylor.slope_of(elevation)
     cp = taylor.power(one + product(slope, slope), -0.5)
     sp = -product(slope, cp)
     sr, cr = taylor.sine_cosine(tilt) if tilt is not None else (zero, one)
-    low, high = product(sp, sr), product(sp, cr)
+    low = product(sp, sr)
     e_t = (product(cy, low) - product(sy, cr), product(sy, low) + product(cy, cr), product(cp, sr))
+    if not upwards:
+        return CrossSeries(line, np.stack(e_t, axis=1), None)
+    high = product(sp, cr)
     e_h = (product(cy, high) + product(sy, sr), product(sy, high) - product(cy, sr), product(cp, cr))
     return CrossSeries(line, np.stack(e_t, axis=1), np.stack(e_h, axis=1))
 

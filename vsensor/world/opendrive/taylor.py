@@ -20,15 +20,11 @@ def constant(value: Array) -> Array:
 
 
 def product(a: Array, b: Array) -> Array:
-    """Return the series of a b."""
-    return np.array(
-        (
-            a[0] * b[0],
-            a[0] * b[1] + a[1] * b[0],
-            a[0] * b[2] + a[1] * b[1] + a[2] * b[0],
-            a[0] * b[3] + a[1] * b[2] + a[2] * b[1] + a[3] * b[0],
-        )
-    )
+    """Return the series of a b: term k is the sum of a_i b_(k - i), a diagonal at a time."""
+    out: Array = a[0] * b
+    for k in range(1, TERMS):
+        out[k:] += a[k] * b[: TERMS - k]
+    return out
 
 
 def power(a: Array, exponent: float) -> Array:

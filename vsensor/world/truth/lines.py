@@ -243,12 +243,12 @@ def _one_point_further(
     known = [place for place in ends if 0 <= place < len(chain_world_m)]
     if not known:
         return x, y, places
-    more = dict(zip(known, relative_to(frame, chain_world_m[known]), strict=True))
-    if ends[1] in more and more[ends[1]][0] > x[-1]:
-        end = more[ends[1]]
-        x, y, places = np.append(x, end[0]), np.append(y, end[1]), np.append(places, ends[1])
-    if ends[0] in more and more[ends[0]][0] < x[0]:
-        end = more[ends[0]]
-        x, y = np.concatenate((end[:1], x)), np.concatenate((end[1:2], y))
-        places = np.concatenate(([ends[0]], places))
+    more = dict(zip(known, relative_to(frame, chain_world_m[known]).tolist(), strict=True))
+    before = [ends[0]] if ends[0] in more and more[ends[0]][0] < x[0] else []
+    after = [ends[1]] if ends[1] in more and more[ends[1]][0] > x[-1] else []
+    if not before and not after:
+        return x, y, places
+    rows = [[(*more[place][:2], float(place)) for place in end] for end in (before, after)]
+    front, back = (np.array(row).reshape(-1, 3).T for row in rows)
+    x, y, places = np.concatenate((front, (x, y, places), back), axis=1)
     return x, y, places
