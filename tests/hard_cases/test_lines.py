@@ -11,7 +11,7 @@ import pytest
 
 from tests.hard_cases import chain
 from tests.hard_cases.far_out import EXACT
-from tests.maps import geometry, loaded, road
+from tests.maps import geometry, lane, loaded, road, section
 from tests.roads import ego, marking, snapshot, straight
 from vsensor.lanefit import LaneFitConfig
 from vsensor.region import RegionConfig
@@ -67,9 +67,14 @@ def test_a_roundabout_may_be_approached_from_anywhere(bearing, sections):
 
 @MODELS
 def test_a_whole_drive_round_a_map_of_15_m_radius_is_sound(tmp_path, sections):
-    plan = geometry(f'<arc curvature="{1 / RADIUS_M!r}"/>', 400.0)  # four times round, over itself
+    around = 2 * pi * RADIUS_M
+    plan = geometry(f'<arc curvature="{1 / RADIUS_M!r}"/>', around)
+    link = '<predecessor elementType="road" elementId="1" contactPoint="end"/>'
+    link += '<successor elementType="road" elementId="1" contactPoint="start"/>'
+    lanes = section(right=[lane(-1, links='<predecessor id="-1"/><successor id="-1"/>')])
+    ring_map = loaded(tmp_path, road(plan=plan, sections=lanes, length=around, link=link))
     config = EgoConfig(road="1", lane=-1, speed_kmh=25.0)
-    source = MapDrive(Corridor(loaded(tmp_path, road(plan=plan, length=400.0)), config.corridor()), config)
+    source = MapDrive(Corridor(ring_map, config.corridor()), config)
     line = chain.line_of(lambda tick: source.advance(None, tick, ())[1], **sections)
     outputs = [output for output, _ in chain.drive(line, 400)]
     assert len(outputs) == 400
