@@ -26,8 +26,8 @@ draws them. Halfway through, the vehicle comes near to a marking, as in P2's eve
 Confidence 4 in the truth: the video shows paint of the line in the first 20 m ahead of the front axle; 1:
 only up to 60 m; 0: none, and then there is no offset either.
 
-An event that is there is kept: after Ctrl-C the same command goes on. 31 s take 6 s of a core and 16 MB (lytx
-30 MB).
+An event that is there is kept: after Ctrl-C the same command goes on. 31 s take 6 to 9 s of a core and 15 to
+20 MB (lytx up to 55 MB).
 """
 
 
