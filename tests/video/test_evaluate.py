@@ -64,7 +64,7 @@ def line(side, y_m):
 def known():
     """The method `known` beside the program's own."""
     with pytest.MonkeyPatch.context() as patch:
-        kind = MethodKind(maker=lambda setup: Known(), has_lov=False, about="of these tests")
+        kind = MethodKind(maker=lambda setup: Known(), has_lov=False, has_steps=False, about="of these tests")
         patch.setitem(METHODS, "known", kind)
         yield
 

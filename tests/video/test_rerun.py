@@ -64,7 +64,7 @@ def event(tmp_path_factory):
 
 
 def ran(event, out, maker, monkeypatch):
-    kind = MethodKind(maker=maker, has_lov=False, about="of these tests")
+    kind = MethodKind(maker=maker, has_lov=False, has_steps=False, about="of these tests")
     monkeypatch.setitem(METHODS, "pixels", kind)
     return rerun(event, "pixels", WITHIN, out, RunOptions(workers=0))
 

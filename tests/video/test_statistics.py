@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from tests.video.series import can
-from vsensor.video.evaluate.categories import by_category, compared, errors_in, table_of
+from vsensor.video.evaluate.categories import CATEGORIES, by_category, compared, errors_in, table_of
 from vsensor.video.evaluate.pairing import reference_of
 from vsensor.video.evaluate.rules import Rules
 from vsensor.video.evaluate.statistics import Moments, pooled
@@ -91,12 +91,12 @@ def test_events_are_day_or_night_and_one_that_changes_is_neither():
 
 
 def test_values_are_curvy_and_changing_by_themselves_either_way():
-    half = np.arange(121) < 50
-    yaw_rate = np.where(half, np.radians(-5.2), np.radians(4.8))
-    event = one_event(ego__yaw_rate_radps=yaw_rate, ego__acceleration_mps2=np.where(half, -0.2, 0.05))
-    assert [len(errors_in(name, [event])[0]) for name in ("curvy", "straight")] == [100, 100]
-    counts = [len(errors_in(name, [event])[0]) for name in ("non-constant speed", "constant speed")]
-    assert counts == [100, 100]
+    early = np.arange(121) < 30
+    yaw_rate = np.where(early, np.radians(-5.2), np.radians(4.8))
+    event = one_event(ego__yaw_rate_radps=yaw_rate, ego__acceleration_mps2=np.where(early, -0.2, 0.05))
+    counts = {name: len(errors_in(name, [event])[0]) for name in CATEGORIES}
+    assert (counts["curvy"], counts["straight"]) == (60, 140)
+    assert (counts["non-constant speed"], counts["constant speed"]) == (60, 140)
 
 
 def test_the_table_has_the_published_rows_and_no_number_where_there_is_nothing():

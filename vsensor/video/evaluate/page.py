@@ -12,7 +12,8 @@ body { font: 15px/1.45 system-ui, sans-serif; margin: 2em auto; max-width: 86em;
 table { border-collapse: collapse; font-size: 13px; margin: .6em 0 }
 td, th { padding: .2em .5em; border-bottom: 1px solid #ddd; text-align: right }
 th { max-width: 7em; vertical-align: bottom } td:first-child, th:first-child { text-align: left }
-.beside { display: flex; flex-wrap: wrap; gap: 0 2.5em } figure { margin: 1.5em 0 } img { max-width: 100% }
+.beside tr:first-child th { text-align: center } .wide { overflow-x: auto }
+figure { margin: 1.5em 0 } img { max-width: 100% }
 figcaption { color: #555 } .note { color: #555 }
 """
 
@@ -25,9 +26,18 @@ def page_of(title: str, parts: Sequence[str]) -> str:
 
 
 def beside(tables: Sequence[tuple[str, Sequence[Sequence[str]]]]) -> str:
-    """Return tables with their titles, side by side where there is room."""
-    parts = "".join(f"<div><h3>{text(title)}</h3>{table(rows)}</div>" for title, rows in tables)
-    return f"<div class='beside'>{parts}</div>"
+    """Return tables that begin with the same column as one, their titles above their columns."""
+    names = [row[0] for row in tables[0][1]]
+    titles = "".join(f"<th colspan='{len(rows[0]) - 1}'>{text(title)}</th>" for title, rows in tables)
+    lines = []
+    for name in names:
+        cell = "th" if name == names[0] else "td"
+        found = [name]
+        for _, rows in tables:
+            known = {row[0]: row[1:] for row in rows}
+            found += known.get(name, [""] * (len(rows[0]) - 1))
+        lines.append("<tr>" + "".join(f"<{cell}>{text(word)}</{cell}>" for word in found) + "</tr>")
+    return f"<div class='wide'><table class='beside'><tr><th></th>{titles}</tr>{''.join(lines)}</table></div>"
 
 
 def table(rows: Sequence[Sequence[str]]) -> str:
