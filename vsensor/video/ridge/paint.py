@@ -31,6 +31,8 @@ BLUR_PX2 = 0.6
 the nearer rows, where it is wider, so it seems to be where it is there: farther aside by this over the square
 of the number of rows to the horizon (as measured: 10 mm at 38 m, 355 x 288 pixels)."""
 WIDEST_M, THINNEST_M = 0.5, 0.05
+RUN_M, RUN_ROWS, RUN_ASIDE_M = 0.8, 7, 0.1
+"""A stripe of paint is so long at least, as far as it fits into so many rows, and no farther aside in them."""
 NOISE_EVERY = 3
 """Of so many places one is looked at for the noise."""
 MOST_POINTS = 1500
@@ -149,6 +151,8 @@ def find(config: RidgeConfig, ground: Ground, filters: tuple[Stencil, ...], leve
     reach = 2 * round(APART_M / ground.step_m) + 1
     highest = np.asarray(cv2.dilate(response.value, np.ones((1, reach), np.uint8)))
     row, column = np.nonzero((response.value >= highest) & (response.value > least))
+    paint = _in_a_run(ground, row, column, response.value.shape)
+    row, column = row[paint], column[paint]
     strength = response.value[row, column] / least[row, column]
     if len(row) > MOST_POINTS:
         kept = np.sort(np.argpartition(-strength, MOST_POINTS)[:MOST_POINTS])
@@ -165,6 +169,17 @@ def find(config: RidgeConfig, ground: Ground, filters: tuple[Stencil, ...], leve
     )
     across = ground.across_m[row]
     return points.only(np.isfinite(aside) & (width > THINNEST_M) & (width < WIDEST_M + across))
+
+
+def _in_a_run(ground: Ground, row: IntArray, column: IntArray, shape: tuple[int, ...]) -> BoolArray:
+    """Return which stripes (N,) go on in the rows around them, as paint does and specks do not."""
+    cv2 = import_opencv("the video's lines")
+    hits = np.zeros(shape, np.uint8)
+    hits[row, column] = 1
+    wide = np.asarray(cv2.dilate(hits, np.ones((1, 2 * round(RUN_ASIDE_M / ground.step_m) + 1), np.uint8)))
+    rows = np.asarray(cv2.boxFilter(wide, cv2.CV_16S, (1, RUN_ROWS), normalize=False))
+    least = np.clip(RUN_M / (ground.ahead_m * (ground.growth - 1.0)), 2.0, 0.6 * RUN_ROWS)
+    return np.asarray(rows[row, column] >= least[row])
 
 
 def _least(config: RidgeConfig, response: Response) -> Levels:
