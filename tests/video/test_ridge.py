@@ -9,10 +9,11 @@ import pytest
 from tests.video.drives import AXLE_M, EOR, TWO_LANES, Drive, Line, night
 from vsensor.camera import Camera, CameraConfig
 from vsensor.errors import ConfigError
+from vsensor.image import ImageConfig
 from vsensor.signals import VehicleConfig
 from vsensor.signals.lane import lane_offset_m
-from vsensor.types import MarkingKind, Side
-from vsensor.video.ridge import Ridge, RidgeConfig
+from vsensor.types import Environment, Light, MarkingKind, Side
+from vsensor.video.ridge import BOUNDS_M, Ridge, RidgeConfig
 from vsensor.video.types import Motion, Picture
 
 CONFIG, VEHICLE = RidgeConfig(), VehicleConfig(wheelbase_m=AXLE_M)
@@ -121,3 +122,88 @@ def test_a_camera_that_looks_up_is_refused_in_one_line():
     camera = CameraConfig(pitch_deg=-60.0)
     with pytest.raises(ConfigError, match="sees no road"):
         Ridge(CONFIG, Camera.from_config(camera), VEHICLE)
+
+
+def test_crosswalks_stop_lines_and_a_roundabouts_bend_do_not_lead_astray():
+    drive = Drive(
+        crossings=(46.0, 62.0), stop_lines=(44.0, 60.0), speed_mps=10.0, curvature=lambda s: 0.02 * (s > 75.0)
+    )
+    said, true = offsets(looked(drive, 30))
+    assert np.isfinite(said).mean() >= 0.95
+    assert rms(said - true) <= 0.10
+
+
+def test_cars_that_hide_the_lines_leave_an_offset_that_is_right():
+    drive = Drive(offset=weaving, pitch_rad=shaken, traffic=((15.0, 0.0), (12.0, 3.5), (25.0, 3.5)))
+    said, true = offsets(looked(drive, 20))
+    assert np.isfinite(said).mean() >= 0.95
+    assert rms(said - true) <= 0.10
+
+
+def test_a_line_that_ends_is_not_reported_behind_its_end_nor_is_the_next_lanes_in_its_place():
+    ended = Line(-1.75, gaps=((45.0, 500.0),))
+    found = looked(Drive(lines=(Line(1.75), ended, Line(-5.25))), 20)
+    said, true = offsets(found)
+    assert np.isfinite(said[:4]).all()
+    behind = np.array([frame.snapshot.ego.position_world_m[0] > 47.0 for frame, _, _ in found])
+    assert behind.sum() > 8
+    assert np.isnan(said[behind, 1]).all()
+    assert rms(said[:, 0] - true[:, 0]) < 0.05
+
+
+def test_a_lane_change_hands_the_crossed_line_to_the_other_side_as_the_rear_axle_crosses_it():
+    drive = Drive(offset=lambda t: 3.5 / (1.0 + np.exp(-2.5 * (t - 1.2))), lines=(*TWO_LANES, Line(5.25)))
+    found = looked(drive, 25)
+    said, true = offsets(found)
+    sides_differ = np.abs(said - true) > 1.0
+    assert np.count_nonzero(sides_differ.any(axis=1)) <= 2
+    assert rms(np.where(sides_differ, np.nan, said - true)) <= 0.10
+    assert [estimate.lane_change for _, estimate, _ in found].count(1) == 1
+
+
+def test_without_motion_from_can_the_offsets_are_as_good():
+    drive = Drive(offset=weaving, pitch_rad=shaken, curvature=winding)
+    method = Ridge(CONFIG, Camera.from_config(EOR), VEHICLE)
+    state, found = method.begin(), []
+    for frame in drive.frames(15):
+        state, estimate = method.look(state, frame.picture, Motion())
+        found.append((frame, estimate, None))
+    said, true = offsets(found)
+    assert rms(said - true) <= 0.05
+
+
+HARD = (
+    Drive(offset=weaving, pitch_rad=shaken, curvature=winding),
+    Drive(offset=weaving, pitch_rad=shaken, curvature=winding, **night()),
+    Drive(offset=weaving, pitch_rad=shaken, traffic=((15.0, 0.0), (12.0, 3.5), (25.0, 3.5))),
+    Drive(
+        lines=(
+            Line(1.75, dash_m=3.0, every_m=12.0, wear=0.4),
+            Line(-1.75, dash_m=3.0, every_m=12.0, wear=0.4),
+        ),
+        offset=weaving,
+        pitch_rad=shaken,
+        air=Environment(light=Light.NIGHT, rain=0.5),
+        image=ImageConfig(noise_std=3.0),
+    ),
+)
+
+
+def test_of_each_confidence_95_percent_of_the_offsets_are_within_its_bound():
+    errors, sure = [], []
+    for drive, count in zip(HARD, (30, 30, 20, 40), strict=True):
+        found = looked(drive, count)
+        said, true = offsets(found)
+        errors.append(np.abs(said - true).ravel())
+        for _, estimate, _ in found:
+            lines = [estimate.on(side) for side in (Side.LEFT, Side.RIGHT)]
+            sure += [0 if line is None else line.quality for line in lines]
+    error, confidence = np.concatenate(errors), np.array(sure)
+    quantiles = []
+    for number, bound_m in enumerate(BOUNDS_M, start=1):
+        of_this = error[(confidence == number) & np.isfinite(error)]
+        if len(of_this) >= 20:
+            quantiles.append(float(np.quantile(of_this, 0.95)))
+            assert quantiles[-1] <= bound_m
+    assert len(quantiles) >= 3
+    assert quantiles == sorted(quantiles, reverse=True)

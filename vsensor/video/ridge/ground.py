@@ -7,7 +7,6 @@ near  . . . . . . . . .
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +17,16 @@ from vsensor.image import import_opencv
 from vsensor.transforms import invert, transform
 from vsensor.types import Array, BoolArray, frozen
 from vsensor.video.ridge.config import RidgeConfig
+from vsensor.video.types import Picture
 
 Levels = NDArray[np.float32]
 
 NEAREST_M = 1.0
 """Ahead of the camera; nearer than this no road is looked at."""
+PALE, YELLOW = np.float32(30.0), np.float32(0.7)
+"""Levels by which blue is below green and red in dry grass and concrete; beyond that, what a level counts."""
+LUMA = np.array([0.114, 0.587, 0.299], np.float32)
+"""Of blue, green, red: ITU-R BT.601, as the grey picture has them."""
 OWN_LANE_M = 2.5
 """A row is of use where some of the road so near to the camera is seen."""
 
@@ -80,10 +84,18 @@ class Ground:
             front_axle_m=front_axle_m,
         )
 
-    def sample(self, grey: NDArray[Any]) -> Levels:
-        """Return a picture's levels at the grid's places (K, M), linear between pixels; 0 where not seen."""
+    def sample(self, picture: Picture) -> Levels:
+        """Return a picture's levels at the grid's places (K, M), linear between pixels; 0 where not seen.
+
+        Yellow counts as lighter than it is: on pale concrete it is paint by its colour alone.
+        """
         cv2 = import_opencv("the video's lines")
-        return np.asarray(cv2.remap(grey, self.u_px, self.v_px, cv2.INTER_LINEAR), np.float32)
+        if picture.bgr is None:
+            return np.asarray(cv2.remap(picture.grey, self.u_px, self.v_px, cv2.INTER_LINEAR), np.float32)
+        bgr = np.asarray(cv2.remap(picture.bgr, self.u_px, self.v_px, cv2.INTER_LINEAR))
+        blue, green, red = (np.asarray(channel, np.float32) for channel in cv2.split(bgr))
+        yellow = np.maximum(np.minimum(green, red) - blue - PALE, 0.0)
+        return np.asarray(LUMA[0] * blue + LUMA[1] * green + LUMA[2] * red + YELLOW * yellow)
 
 
 def _pixels(camera: Camera, eye: Array, ahead: Array, aside: Array) -> Array:

@@ -110,7 +110,7 @@ class Ridge:
 
     def _seen(self, known: Known, picture: Picture) -> Look:
         config, ground = self.config, self.ground
-        points = find(config, ground, self.stencils, ground.sample(picture.grey))
+        points = find(config, ground, self.stencils, ground.sample(picture))
         if len(points.row) < LEAST_POINTS:
             return Look(points=points, road=None, lines=(), sightings=())
         shape, offsets = search(config, ground, points, known.shape, known.rest_rad)

@@ -32,7 +32,7 @@ the nearer rows, where it is wider, so it seems to be where it is there: farther
 of the number of rows to the horizon (as measured: 10 mm at 38 m, 355 x 288 pixels)."""
 WIDEST_M, THINNEST_M = 0.5, 0.05
 RUN_M, RUN_ROWS, RUN_ASIDE_M = 0.8, 7, 0.1
-"""A stripe of paint is so long at least, as far as it fits into so many rows, and no farther aside in them."""
+"""A stripe of paint is so long at least, as far as that fits into so many rows, and goes no farther aside."""
 NOISE_EVERY = 3
 """Of so many places one is looked at for the noise."""
 MOST_POINTS = 1500
