@@ -38,7 +38,7 @@ install: .venv/test
 	@tools/debian $(VCAN_PACKAGES) $(C_PACKAGES) $(BROWSER_PACKAGES)
 
 test: .venv/test
-	@tools/debian $(VCAN_PACKAGES) $(C_PACKAGES)
+	@tools/debian $(VCAN_PACKAGES) $(C_PACKAGES) $(BROWSER_PACKAGES)
 	.venv/bin/python tools/test.py
 
 lint: .venv/lint

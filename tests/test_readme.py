@@ -146,7 +146,7 @@ def ran(words):
 
 OFFERED = (
     *("run", "check", "decode", "convert", "log", "score", "accept", "sweep", "experiment", "replay"),
-    *("gateway", "profile", "monitor"),
+    *("gateway", "profile", "monitor", "examine"),
     *("scan", "table", "tune", "validate", "density", "influence", "road", "video"),
 )
 VSENSOR = [command for command in commands() if command.startswith("vsensor ")]

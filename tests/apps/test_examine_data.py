@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.apps.examined import BEND_PER_M, HIT_M, HIT_S, ROUNDING_M, bent_drive, loaded
 from tests.field.made_logs import Drive as Made
 from tests.field.made_logs import Road
 from tests.field.sensor_logs import record
@@ -26,31 +27,11 @@ from vsensor.logs import open_log_writer
 from vsensor.sinks.trace import TraceSink
 from vsensor.types import Side, Unseen
 
-ROUNDING_M = 0.01
-"""What the native bus adds at most at 80 m."""
-BEND_PER_M = 1e-4
-HIT_S, HIT_M = 4.0, 0.5
-UNBIASED = 'schema = "vsensor.scan/1"\nyaw_rate_offset_degps = 0.0\n'
-
-
-def bent(side, t_s, x_m):
-    """Report the left line bent, and in one image far more so."""
-    if side is Side.RIGHT:
-        return np.zeros_like(x_m)
-    return (BEND_PER_M + (HIT_M / 50**2 if abs(t_s - HIT_S) < 0.01 else 0.0)) * x_m**2
-
-
-def loaded(folder, made, **options):
-    """Return a made drive as the examiner has it."""
-    (folder / "limits.toml").write_text(UNBIASED)
-    log = made.write(folder / "drive.blf")
-    return load_drive(log, ScanOptions(limits=str(folder / "limits.toml"), **options))
-
 
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory):
     """A straight of 10 s at 20 m/s, the left line reported bent."""
-    return loaded(tmp_path_factory.mktemp("drive"), Made(seconds=10, error=bent))
+    return bent_drive(tmp_path_factory.mktemp("drive"))
 
 
 def test_the_road_is_as_wide_as_its_lines_are_apart(drive):
@@ -106,11 +87,11 @@ def test_speed_and_yaw_rate_are_those_of_the_drive(tmp_path):
 def test_totals_say_images_duration_distance_and_how_often_lines_are_there(tmp_path):
     made = Made(seconds=10, seen=lambda side, t_s: side is Side.LEFT or t_s < 5.0)
     said = dict(totals(loaded(tmp_path, made)))
-    assert said["images"] == "250 (0 lost by their counter)"
+    assert said["images"] == "250, lost by their counter 0"
     assert said["duration"] == "0:09.96"
     assert said["distance"] == "0.20 km"
-    assert said["left line"] == "reported in 100.0 % of the images"
-    assert said["right line"] == "reported in 50.0 % of the images"
+    assert said["left line"] == "reported in 100.0 %"
+    assert said["right line"] == "reported in 50.0 %"
 
 
 def test_an_hour_is_shown_with_hours():

@@ -37,6 +37,7 @@ COMMANDS = (
     playing.add_replay,
     playing.add_gateway,
     looking.add_monitor,
+    looking.add_examine,
     scanning.add_scan,
     scanning.add_table,
     learning.add_tune,

@@ -45,7 +45,7 @@ def scan(arguments: argparse.Namespace) -> int:
     options = ScanOptions(
         profiles=tuple(arguments.profile or ScanOptions().profiles),
         dbc=None if arguments.dbc is None else str(arguments.dbc),
-        reference=_reference(arguments.reference),
+        reference=reference_of(arguments.reference),
         route=tuple(arguments.route.split(",")) if arguments.route else (),
         ranges_m=arguments.ranges,
         all_sides=arguments.sides == "all",
@@ -76,7 +76,7 @@ def scan(arguments: argparse.Namespace) -> int:
     return int(bool(report.failures))
 
 
-def _reference(words: Sequence[str]) -> str:
+def reference_of(words: Sequence[str]) -> str:
     """Return the one reference that `--reference gta`, `map FILE` or `FILE` names."""
     if len(words) == 2 and words[0] == "map":
         if Path(words[1]).suffix.lower() != ".xodr":

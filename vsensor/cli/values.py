@@ -39,6 +39,13 @@ def dashes(text: str) -> tuple[float, float]:
     return paint_m, gap_m
 
 
+def port(text: str) -> int:
+    """Return the number of a TCP port, 0 for any that is free."""
+    if not text.isdecimal() or int(text) > 65535:
+        raise argparse.ArgumentTypeError(f"{text}: expected a port, 0 to 65535")
+    return int(text)
+
+
 def hertz(text: str) -> float:
     """Return a rate per second."""
     value = _number(text)

@@ -52,7 +52,7 @@ def lane_changes(drive: Drive) -> list[LaneChange]:
 def totals(drive: Drive) -> Iterator[tuple[str, str]]:
     """Yield what is known of the whole drive: a name, and its value with its unit."""
     images, motion = drive.images, drive.scanned.work.motion
-    yield "images", f"{len(drive)} ({images.lost} lost by their counter)"
+    yield "images", f"{len(drive)}, lost by their counter {images.lost}"
     yield "duration", clock(float(drive.t_s[-1]))
     yield "distance", f"{motion.path.s_m[-1] / 1000:.2f} km"
     speed = drive.speed_mps[np.isfinite(drive.speed_mps)] * 3.6
@@ -61,7 +61,7 @@ def totals(drive: Drive) -> Iterator[tuple[str, str]]:
     for side in drive.sides:
         yield (
             f"{SIDE_NAMES[side]} line",
-            f"reported in {100 * drive.reported(side).mean():.1f} % of the images",
+            f"reported in {100 * drive.reported(side).mean():.1f} %",
         )
     yield "reference", f"{drive.scanned.info['reference']}".rsplit("/", 1)[-1]
     silent = motion.silent_ns
