@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.apps.examined import HIT_S, ROUNDING_M, bent_drive
+from tests.apps.examined import HIT_S, ROUNDING_M, bent_drive, loaded
+from tests.field.made_logs import Drive as Made
 from vsensor.apps.examine.analysis import lane_error_m
 from vsensor.apps.examine.figures import analysis_figure, quality_figure
 from vsensor.apps.examine.packed import columns_of, packed
@@ -118,7 +119,28 @@ def test_the_reference_beside_the_vehicle_is_where_the_line_is_reported(drive):
         whole = np.arange(len(columns[f"{word}.ref_y"]))
         known = np.isfinite(place)
         beside = np.interp(place[known], whole, columns[f"{word}.ref_y"]) - columns["y"][known]
+        ahead = np.interp(place[known], whole, columns[f"{word}.ref_x"]) - columns["x"][known]
+        np.testing.assert_allclose(ahead[20:-20], 0.0, atol=0.05)
         np.testing.assert_allclose(beside[20:-20], columns[f"{word}.c0"][known][20:-20], atol=ROUNDING_M)
+
+
+@pytest.mark.parametrize("function", ["error", "range", "width", "over_range"])
+def test_another_drive_is_laid_over_with_its_name_and_a_look_of_its_own(drive, function):
+    both = replace(drive, other=drive)
+    view = View(function=function, number=50)
+    curves = analysis_figure(both, view)["data"]
+    own, other = curves[: len(curves) // 2], curves[len(curves) // 2 :]
+    assert own == analysis_figure(drive, view)["data"]
+    for one, laid in zip(own, other, strict=True):
+        assert (laid["x"], laid["y"], laid["name"]) == (one["x"], one["y"], f"{one['name']}, drive.blf")
+        assert laid["line"] != one["line"]
+
+
+def test_a_click_on_the_other_drive_selects_the_image_of_the_same_time(drive, tmp_path):
+    other = loaded(tmp_path, Made(seconds=6))
+    later = analysis_figure(replace(drive, other=other), View())["data"][-1]
+    np.testing.assert_allclose(drive.t_s[later["customdata"]], later["x"], atol=1e-6)
+    assert max(later["x"]) < 6.0 < drive.t_s[-1]
 
 
 @pytest.mark.parametrize(

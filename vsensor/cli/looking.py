@@ -27,6 +27,7 @@ Look at a recorded drive in the browser: from above, and its lane errors, ranges
 
   vsensor examine drive.blf                                        profiles native and vehicle
   vsensor examine drive.mf4 --profile mine.toml --profile car=car.dbc --reference map town.xodr
+  vsensor examine real.blf --compare virtual.blf                   two drives over each other
   vsensor examine run.blf --trace run.npz                          and why each line was not seen
 
 The page is served to this machine alone and loads nothing from outside. Errors are those of `vsensor scan`,
@@ -56,6 +57,9 @@ def examine(arguments: argparse.Namespace) -> int:
     )
     with progress_bar(arguments.log, shown=shows_progress(arguments)) as progress:
         drive = load_drive(arguments.log, options, progress)
+    if arguments.compare is not None:
+        with progress_bar(arguments.compare, shown=shows_progress(arguments)) as progress:
+            drive = replace(drive, other=load_drive(arguments.compare, options, progress))
     if arguments.trace is not None:
         drive = replace(drive, causes=causes_of(arguments.trace, drive))
     with stop_signals() as stopped, PageServer(make_app(drive), arguments.port) as server:
@@ -125,6 +129,12 @@ def add_examine(commands: Commands) -> None:
         "--route", metavar="ROADS", help="roads of the map that the drive follows: 12,7,3 (straight ahead)"
     )
     option("--limits", type=Path, metavar="FILE", help="thresholds that differ from the defaults: .toml")
+    option(
+        "--compare",
+        type=Path,
+        metavar="LOG2",
+        help="lay another log's analysis over it, by the same profiles",
+    )
     option("--trace", type=Path, metavar="FILE", help="the run's trace: why a line was not seen")
     option("--port", type=port, metavar="N", help="of 127.0.0.1 (the first free one from 8765 on)")
     option("--duration", type=positive, metavar="S", help="end after S seconds (until Ctrl-C)")

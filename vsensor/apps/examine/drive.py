@@ -19,11 +19,13 @@ class Drive:
     """A drive of N images, its left and right line compared with a reference; `causes` from a trace.
 
     `causes`: side -> codes of `types.Unseen` (N,), why a true line was not seen; 0 seen, NaN not known.
+    `other` is a drive that is laid over it, from its own first image on.
     """
 
     log: Path
     scanned: Scanned
     causes: Mapping[Side, Array] = field(default_factory=dict[Side, Array])
+    other: "Drive | None" = None
 
     @property
     def images(self) -> Images:

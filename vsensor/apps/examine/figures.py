@@ -116,8 +116,8 @@ def _curve(curve: Series, view: View, low: float, high: float) -> dict[str, Any]
         "y": _cells(curve.y[kept]),
         "customdata": curve.numbers[kept].tolist(),
         "name": curve.name,
-        "line": {"color": curve.colour, "width": 1.3},
-        "marker": {"color": curve.colour, "size": 4},
+        "line": {"color": curve.colour, "width": 1.3, "dash": "dot" if curve.is_other else "solid"},
+        "marker": {"color": curve.colour, "size": 4, "symbol": "x" if curve.is_other else "circle"},
         "connectgaps": False,
         "hovertemplate": "%{x:.3f}: %{y:.4g}, image %{customdata}<extra>" + curve.name + "</extra>",
     }

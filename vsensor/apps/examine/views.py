@@ -1,7 +1,7 @@
 """What can be looked at in the analysis window: series of a drive, as chosen on the page."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,6 +26,12 @@ FUNCTIONS: Mapping[str, str] = {
 }
 SORTS: Mapping[str, str] = {"time": "time", "yaw_rate": "yaw rate"}
 WHOLE = "#000000"
+OTHER_COLOURS: Mapping[str, str] = {
+    WHOLE: "#009e73",
+    COLOURS[Side.LEFT]: COLOURS[Side.NEXT_LEFT],
+    COLOURS[Side.RIGHT]: COLOURS[Side.NEXT_RIGHT],
+}
+"""Colour of a curve -> that of the drive laid over."""
 LEAST_RANGE_M, FARTHEST_M = 0.0, 250.0
 
 
@@ -85,17 +91,45 @@ class View:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Series:
-    """One curve: `x`, `y` (M,), the image (M,) that a click on each point selects, name and colour."""
+    """One curve: `x`, `y` (M,), the image (M,) that a click on each point selects, name and colour.
+
+    `is_other`: of the drive that is laid over.
+    """
 
     name: str
     colour: str
     x: Array
     y: Array
     numbers: IntArray
+    is_other: bool = False
 
 
 def series_of(drive: Drive, view: View) -> tuple[list[Series], str]:
-    """Return the curves of a view, and the title of the vertical axis."""
+    """Return the curves of a view, those of the other drive too, and the title of the vertical axis."""
+    curves, title = _own_series(drive, view)
+    if drive.other is None:
+        return curves, title
+    return [*curves, *_laid_over(drive, drive.other, view)], title
+
+
+def _laid_over(drive: Drive, other: Drive, view: View) -> list[Series]:
+    """Return the other drive's curves; a click on one selects this drive's image of the same time."""
+    if view.function == "signal" and view.signal not in set(signal_names(other)):
+        return []
+    same = replace(view, number=other.number_at(float(drive.t_s[view.number])))
+    return [
+        replace(
+            curve,
+            name=f"{curve.name}, {other.log.name}",
+            colour=OTHER_COLOURS[curve.colour],
+            numbers=np.clip(np.searchsorted(drive.t_s, other.t_s[curve.numbers]), 0, len(drive) - 1),
+            is_other=True,
+        )
+        for curve in _own_series(other, same)[0]
+    ]
+
+
+def _own_series(drive: Drive, view: View) -> tuple[list[Series], str]:
     if view.is_one_image:
         ranges = drive.scanned.work.ranges_m
         here = np.full(len(ranges), view.number)
