@@ -154,7 +154,8 @@ def test_sorted_by_yaw_rate_the_axis_says_so(page):
     )
 
 
-def test_keys_step_jump_and_play(page, drive):
+def test_keys_step_jump_and_play_also_after_a_click_elsewhere(page, drive):
+    page.click("#sides label:nth-of-type(2)")
     page.keyboard.press("ArrowRight")
     shows(page, 1)
     page.keyboard.press("Shift+ArrowRight")
@@ -230,7 +231,7 @@ def test_the_analysis_is_exported_as_csv(page, drive, tmp_path):
 
 
 BOXES = (
-    "header",
+    "#examine > header",
     "#above-tools",
     "#above",
     "#overview",
@@ -238,7 +239,7 @@ BOXES = (
     "#analysis",
     "#quality",
     "#panel",
-    "footer",
+    "#player",
 )
 
 

@@ -312,6 +312,10 @@
     },
   });
   document.addEventListener("keydown", keys);
+  document.addEventListener("click", (event) => { // by the mouse: the keys are the drive's again
+    const focused = document.activeElement;
+    if (event.detail > 0 && focused && ["radio", "checkbox"].includes(focused.type)) focused.blur();
+  });
   window.addEventListener("resize", () => { if (drawn) go(state.k); });
   load();
 })();
