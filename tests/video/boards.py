@@ -46,7 +46,6 @@ def write_boards(folder, config: CameraConfig, columns=9, rows=6, count=10, seed
         u = config.width_px * (0.3 + 0.4 * (number % 3) / 2.0)
         v = config.height_px * (0.3 + 0.4 * (number // 3 % 3) / 2.0)
         centre = far * np.array(((u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px, 1.0))
-        turn = draw.uniform((-10, -30, -8), (10, 30, 8))  # rotation about z last
-        turn[0] = draw.uniform(-30, 30)
+        turn = draw.uniform((-42, -42, -8), (42, 42, 8))  # about x and y: tilted; about z: in the image
         cv2.imwrite(str(folder / f"board{number}.png"), board_picture(config, centre, turn, columns, rows))
     return folder

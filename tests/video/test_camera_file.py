@@ -3,7 +3,7 @@
 import msgspec
 import pytest
 
-from vsensor.camera import CameraConfig
+from vsensor.camera import Camera, CameraConfig
 from vsensor.cli import main
 from vsensor.config import SHIPPED, load_scenario
 from vsensor.distortion import DistortionConfig
@@ -126,6 +126,18 @@ def test_a_video_of_another_size_than_the_camera_is_refused(tmp_path):
     assert camera_of(tmp_path / "eor.toml", (355, 288), "v.avi") == (EOR, None)
     with pytest.raises(ConfigError, match=r"v\.avi: is 710 x 576, the camera of .*eor\.toml has 355 x 288"):
         camera_of(tmp_path / "eor.toml", (710, 576), "v.avi")
+
+
+def test_a_row_or_column_that_an_encoder_added_is_no_other_size(tmp_path):
+    write_camera(tmp_path / "eor.toml", EOR)
+    wide = msgspec.structs.replace(EOR.config, width_px=356)
+    assert camera_of(tmp_path / "eor.toml", (356, 288), "v.avi") == (EOR._replace(config=wide), None)
+    write_camera(tmp_path / "odd.toml", default_camera((641, 481)))
+    widened, _ = camera_of(tmp_path / "odd.toml", (642, 482), "v.avi")
+    seen, before = (Camera.from_config(c) for c in (widened.config, default_camera((641, 481)).config))
+    assert (seen.fx_px, seen.cx_px, seen.cy_px) == (before.fx_px, before.cx_px, before.cy_px)
+    with pytest.raises(ConfigError):
+        camera_of(tmp_path / "odd.toml", (643, 481), "v.avi")
 
 
 def test_without_a_camera_the_assumed_one_is_stated():

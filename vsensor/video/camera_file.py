@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from vsensor.camera import CameraConfig
+from vsensor.camera import Camera, CameraConfig
 from vsensor.camera.config import DEFAULT_HFOV_DEG
 from vsensor.config import CAMERA_SCHEMA, load_scenario, read_camera_file
 from vsensor.errors import ConfigError
@@ -68,18 +68,36 @@ def camera_of(
     """Return the camera of a video of this size, and a sentence where it is only assumed.
 
     Raises ConfigError where the video has another size than the camera: every number of a calibration is in
-    its own pixels.
+    its own pixels. Encoders want even sizes: an odd camera's video may have one row or column more, behind.
     """
     if name_or_path is None:
         camera = default_camera(size)
         return camera, assumption(camera)
     camera = read_camera(name_or_path)
+    if camera.size != size and tuple(length + length % 2 for length in camera.size) == size:
+        return _widened(camera, size), None
     if camera.size != size:
         raise ConfigError(
             f"{video}: is {size[0]} x {size[1]}, the camera of {name_or_path} has {camera.size[0]} x "
             f"{camera.size[1]}: a video of the size that was calibrated was expected"
         )
     return camera, None
+
+
+def _widened(camera: VideoCamera, size: tuple[int, int]) -> VideoCamera:
+    """Return the camera with rows or columns added at the right and below: its other numbers stay true."""
+    seen = Camera.from_config(camera.config)
+    config = msgspec.structs.replace(
+        camera.config,
+        width_px=size[0],
+        height_px=size[1],
+        hfov_deg=None,
+        fx_px=seen.fx_px,
+        fy_px=seen.fy_px,
+        cx_px=seen.cx_px,
+        cy_px=seen.cy_px,
+    )
+    return camera._replace(config=config)
 
 
 def assumption(camera: VideoCamera) -> str:

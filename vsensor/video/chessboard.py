@@ -26,6 +26,8 @@ LEAST_BOARDS = 4
 """Three determine the lens; a fourth can contradict."""
 LEAST_SIDE = 4
 """A part of a board has so many corners on each side at least, and half of all."""
+MOST_PARTS = 20
+"""So many parts of a board are tried, the largest."""
 OUTLIER = 4.0
 """A board with an error of so many times the median is left out, and said."""
 LEAST_OUTLIER_PX = 1.0
@@ -121,10 +123,9 @@ def find_board(cv2: Any, path: Path, columns: int, rows: int) -> Board:
     """Return the board of a picture: whole, else its largest part that shows, else the problem."""
     grey = np.asarray(cv2.cvtColor(read_image(path), cv2.COLOR_BGR2GRAY))
     size = grey.shape[1], grey.shape[0]
-    for part_columns, part_rows in _parts(columns, rows):
-        found, corners = cv2.findChessboardCornersSB(
-            grey, (part_columns, part_rows), flags=cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY
-        )
+    for number, (part_columns, part_rows) in enumerate(_parts(columns, rows)):
+        flags = cv2.CALIB_CB_ACCURACY | (0 if number else cv2.CALIB_CB_EXHAUSTIVE)
+        found, corners = cv2.findChessboardCornersSB(grey, (part_columns, part_rows), flags=flags)
         if found:
             return Board(
                 path=path,
@@ -144,7 +145,7 @@ def _parts(columns: int, rows: int) -> list[tuple[int, int]]:
         for r in range(rows, min(rows, LEAST_SIDE) - 1, -1)
         if 2 * c * r >= columns * rows
     ]
-    return sorted(parts, key=lambda part: -part[0] * part[1])
+    return sorted(parts, key=lambda part: -part[0] * part[1])[:MOST_PARTS]
 
 
 def _fitted(cv2: Any, boards: list[Board], size: tuple[int, int]) -> tuple[_Fit, list[Board]]:

@@ -3,12 +3,13 @@
 import argparse
 
 from vsensor.cli.adding import Commands
-from vsensor.cli.video import calibrate, evaluate, events, make, run, score, sensitivity, view
+from vsensor.cli.video import calibrate, evaluate, events, make, mount, run, score, sensitivity, view
 
 VIDEO_HELP = """\
 Lane offset from a front video: the camera found, offsets read, compared with CAN.
 
   vsensor video calibrate boards/*.jpg --board 9x6 --out camera.toml       the lens, from chessboards
+  vsensor video mount drive.mp4 --camera camera.toml --lane-width 3.5 --out mounted.toml   the pose
   vsensor video run drive.mp4 --camera camera.toml --out offsets.csv       offsets, and CAN frames
   vsensor video make events --events 100                                   made drives with truth and CAN
   vsensor video events drive.blf                                           events in a long log
@@ -20,6 +21,7 @@ Lane offset from a front video: the camera found, offsets read, compared with CA
 
 SUBS = (
     calibrate.add_calibrate,
+    mount.add_mount,
     run.add_run,
     make.add_make,
     events.add_events,
