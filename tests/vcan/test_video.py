@@ -7,7 +7,8 @@ from tests.vcan.listening import recorded
 from tests.vcan.programs import ran
 from tests.video.drawn import VEHICLE, road_picture
 from tests.video.test_run import EVEN, write_video
-from vsensor.logs.decode import decode_log
+from vsensor.logs import read_log
+from vsensor.logs.decode import decode_frames
 from vsensor.profile import load_profile
 from vsensor.video.camera_file import VideoCamera, write_camera
 from vsensor.video.rows import read_rows
@@ -35,10 +36,10 @@ def test_candump_hears_the_offsets_of_the_video_in_the_profile_s_cycle(tmp_path)
             "--quiet",
         )
     assert run.returncode == 0, run.stderr
-    table = decode_log(tmp_path / "seen.log", [load_profile("p2")])  # counters and CRCs are checked there
+    frames = decode_frames(read_log(tmp_path / "seen.log"), [load_profile("p2")])  # CRCs are checked there
     rows = read_rows(tmp_path / "rows.csv")
-    assert not [text for text in table.findings if "CRC" in text]
-    heard_m = table.columns["left.lane_offset_m"]
+    assert not [text for text in frames.findings if "CRC" in text]
+    t_ns, heard_m = frames.series("left.lane_offset_m")
     assert len(heard_m) > FRAMES / 2  # a slot of a machine under load may be dropped
     assert (np.abs(heard_m[:, None] - rows.left_offset_m).min(axis=1) < 0.006).all()
-    assert (table.t_ns[-1] - table.t_ns[0]) / 1e9 > 0.5 * 0.1 * len(heard_m)  # paced, not at once
+    assert (t_ns[-1] - t_ns[0]) / 1e9 > 0.5 * 0.1 * len(heard_m)  # paced, not at once
