@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from tests.shared import SHARED_DATA
 from tests.vehicle_frames import Gateway
 from tests.video.boards import write_boards
 from tools.made_drives import drive_cells, made
@@ -26,7 +27,7 @@ from vsensor.config import SHIPPED, ScenarioConfig
 from vsensor.sinks.trace_file import COLUMNS, SCHEMA
 from vsensor.types import SIDE_NAMES, Unseen
 
-pytestmark = pytest.mark.timeout(900)  # one fixture runs some thirty commands
+pytestmark = pytest.mark.timeout(1800)  # one fixture runs some fifty commands
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 TOLERANCE_M = 0.002
@@ -44,6 +45,10 @@ BA_DEF_ BO_ "GenMsgCycleTime" INT 0 1000;
 BA_DEF_DEF_ "GenMsgCycleTime" 0;
 BA_ "GenMsgCycleTime" BO_ 1536 40;
 """
+
+
+REAL_VIDEO = SHARED_DATA / "camera/carnd_lanelines/solidWhiteRight.mp4"
+"""README's video of one's own; without it its commands are not run, except that CI wants all."""
 
 
 def blocks(language):
@@ -94,6 +99,8 @@ def folder(tmp_path_factory):
         assert name, f"an xml block without its name:\n{block}"
         (path / name[1]).write_text(block, encoding="utf-8")
     make_logs(path)
+    if REAL_VIDEO.exists() or os.environ.get("CI"):
+        shutil.copy(REAL_VIDEO, path / "drive.mp4")
     write_boards(path / "boards", CameraConfig(width_px=320, height_px=240), count=5)
     return path
 
@@ -125,7 +132,7 @@ def results(folder):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         for command in commands():
-            if command.startswith("vsensor "):
+            if command.startswith("vsensor ") and ("drive.mp4" not in command or Path("drive.mp4").exists()):
                 words, _, target = command.partition(" > ")
                 found[command] = ran(shortened(shlex.split(words))[1:])
                 if target:
