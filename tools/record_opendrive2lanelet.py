@@ -1,7 +1,8 @@
 """Record where opendrive2lanelet puts lane borders, for tests/authorities; in an environment of its own.
 
     pip install --no-deps opendrive2lanelet==1.2.1 && pip install lxml numpy scipy
-    python tools/record_opendrive2lanelet.py MAPS... > tests/authorities/opendrive2lanelet.json
+    vsensor road p3_track --out p3_track.xodr
+    python tools/record_opendrive2lanelet.py MAPS... p3_track.xodr > tests/authorities/opendrive2lanelet.json
 
 It reads OpenDRIVE by itself (Technical University of Munich) and evaluates borders in the plane, at any s by
 its own formulas. The table of places that it would interpolate is switched off, junctions are left out (it

@@ -3,7 +3,7 @@
 `opendrive2lanelet.json` was written by `tools/record_opendrive2lanelet.py`, which says how. Both agree to
 rounding but on paramPoly3: there the other reader takes p in proportion to s. The standard calls s the
 distance along the reference line, so p follows from the curve's length; the curve is the same, places on it
-differ by up to 10 mm along it.
+differ by up to 10 mm along it. `p3_track` is what `vsensor road p3_track --out p3_track.xodr` writes.
 """
 
 import json
@@ -15,9 +15,12 @@ from scipy.integrate import quad
 
 from tests.maps import REAL_MAPS, real
 from tests.shared import needs_shared
+from vsensor.cli import main
+from vsensor.world.opendrive import load_map
 from vsensor.world.opendrive.planview import ParamPoly3
 
 THEIRS = json.loads((Path(__file__).parent / "opendrive2lanelet.json").read_text(encoding="utf-8"))
+OURS = THEIRS.pop("p3_track")
 ROUNDING_M = 1e-8
 
 
@@ -59,6 +62,15 @@ def test_borders_lie_where_another_reader_puts_them(name):
         if is_parametric:
             apart = apart - (apart @ along) * along  # of places along the curve they have another opinion
         assert np.hypot(*apart) < (1e-5 if is_parametric else ROUNDING_M)
+
+
+def test_the_other_reader_reads_our_track_and_puts_its_lanes_where_we_do(tmp_path):
+    assert main(["road", "p3_track", "--out", str(tmp_path / "p3_track.xodr")]) == 0
+    road_map = load_map(tmp_path / "p3_track.xodr")
+    assert len(OURS) == 25
+    for road_id, section, lane_id, s, *theirs in OURS:
+        ours, _ = border(road_map.road(road_id), section, lane_id, s)
+        np.testing.assert_allclose(ours, theirs, atol=ROUNDING_M)
 
 
 @needs_shared
