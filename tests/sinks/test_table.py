@@ -43,8 +43,9 @@ def read_all(descriptor):
 
 
 @pytest.fixture
-def terminal():
-    """Give (master descriptor, text file of the terminal's side)."""
+def terminal(monkeypatch):
+    """Give (master descriptor, text file of the terminal's side); a table may take its time to start."""
+    monkeypatch.setattr(table, "_PATIENCE_S", 120.0)
     master, slave = os.openpty()
     with open(slave, "w") as file:
         yield master, file

@@ -17,7 +17,9 @@ from vsensor.types import Boundary, Output, Side
 
 _PROGRAM = "import sys; from vsensor.sinks.table_view import main; sys.exit(main())"
 _QUIETER_BY = 10  # niceness: the table gives way to the cycle from its first instruction on
-_PATIENCE_S = 1.0  # how long `close` waits for the last redraw
+_PATIENCE_S = 10.0
+"""How long `close` waits for the last redraw: of a run shorter than the start of the table's process, which
+stands back and on a busy machine takes seconds, nothing would be seen otherwise."""
 
 
 class TableSink:
