@@ -292,7 +292,9 @@
     go(state.k);
   }
 
-  if (location.hash.length > 1) state.wanted = new URLSearchParams(location.hash.slice(1));
+  function linked() { if (location.hash.length > 1) state.wanted = new URLSearchParams(location.hash.slice(1)); }
+  linked();
+  window.addEventListener("hashchange", () => { linked(); if (drawn) restore(); }); // another link in the same tab
   window.vsensorExamine = { state, drawTimes, go, shown: -1 };
   window.dash_clientside = Object.assign({}, window.dash_clientside, {
     examine: {
