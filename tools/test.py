@@ -1,9 +1,11 @@
-"""Run all tests in three parts: on a real vcan, beside them the rest, then timing-sensitive ones alone.
+"""Run all tests in three parts: on a real vcan, beside them the rest, then those that want to be alone.
 
 Those on vcan mostly wait for a bus in real time, the rest computes: side by side they take the time of the
-longer. The rest gives way (nice), so that it makes no frame late. Arguments go to pytest in every part. The
-exit status is 0 only if every part passed; pytest's own closing line at the end counts all of them. In CI
-(environment CI) a vcan test that was skipped fails.
+longer. The rest gives way (nice), so that it makes no frame late. Alone and in one process run the timing-
+sensitive ones and those in a browser: beside the others these took minutes, and each process would start a
+browser of its own. Arguments go to pytest in every part. The exit status is 0 only if every part passed;
+pytest's own closing line at the end counts all of them. In CI (environment CI) a vcan test that was skipped
+fails.
 """
 
 import json
@@ -50,7 +52,7 @@ def build_ecu() -> None:
 def side_by_side(vcan: Path, rest: Path, said: Path) -> list[int]:
     """Run both large parts; returns their exit statuses."""
     print("---- the rest, and beside it those on vcan", flush=True)
-    workers = ["-n", str(WORKERS), "--dist", "worksteal", "-m", "not vcan and not timing"]
+    workers = ["-n", str(WORKERS), "--dist", "worksteal", "-m", "not vcan and not timing and not browser"]
     with said.open("w") as output:
         on_vcan = start(["tools/vcan"], ["-m", "vcan", f"--part-out={vcan}"], output)
         beside = start(["nice"], [*workers, f"--part-out={rest}"])
@@ -69,8 +71,8 @@ def main() -> int:
         problem = "" if sys.argv[1:] else not_run(vcan)
         if problem:
             print(f"---- FAILED: {problem}", flush=True)
-        print("---- timing-sensitive, alone, and the sum", flush=True)
-        statuses.append(start([], ["-m", "timing and not vcan", *earlier]).wait())
+        print("---- timing-sensitive ones and those in a browser, alone, and the sum", flush=True)
+        statuses.append(start([], ["-m", "(timing or browser) and not vcan", *earlier]).wait())
     if sys.argv[1:]:  # a selection may leave a part empty
         statuses = [status for status in statuses if status != NO_TESTS] or [NO_TESTS]
     if problem or any(statuses):

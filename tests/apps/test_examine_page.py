@@ -1,18 +1,32 @@
 """The examiner in a real browser without a network: what a person does, and what the page then shows."""
 
 import re
-from urllib.parse import urlsplit
+from itertools import count
+from urllib.parse import urlencode, urlsplit
 
 import pytest
 
 from tests.apps.examined import HIT_S, bent_drive
-from tests.apps.pages import chromium, keep_screenshot, opened
+from tests.apps.pages import chromium, keep_screenshot, misplaced, opened, opened_beside
 from vsensor.apps.examine.page import make_app
 from vsensor.apps.examine.server import PageServer
 from vsensor.apps.examine.views import View, csv_of
 from vsensor.types import Side
 
-pytestmark = pytest.mark.timeout(600)  # a browser on a busy machine
+pytestmark = [pytest.mark.browser, pytest.mark.timeout(900)]  # on a busy machine a load alone takes minutes
+
+SETTINGS = {
+    "function": "error",
+    "range": "50",
+    "sort": "time",
+    "sides": "left,right",
+    "image": "0",
+    "frame": "vehicle",
+    "zoom": "auto",
+}
+"""The page as it is at first."""
+LINKS = count()
+"""Makes each link another one: a browser does nothing about a link that it has followed already."""
 
 
 @pytest.fixture(scope="module")
@@ -36,27 +50,25 @@ def browser():
 def window(browser, served):
     """The page of all tests: to load it takes longer than most of them."""
     with opened(browser, served.url) as page:
+        wait_for_first_view(page)
         yield page
 
 
 @pytest.fixture
 def page(window, served):
     """The page as it is at first; nothing on it may go wrong, nor be asked of another host."""
-    shows_any(window)
-    for name, value in {"function": "error", "range": 50, "sort": "time", "sides": ["left", "right"]}.items():
-        window.evaluate("([name, value]) => dash_clientside.set_props(name, {value})", [name, value])
-    window.evaluate("window.vsensorExamine.go(0)")
-    shows(window, 0)
-    wait_for_axis(window, "lane error at 50 m")
+    window.faults.clear()
+    follow(window)
+    wait_for_first_view(window)
     yield window
     assert window.faults == []
     asked = {urlsplit(url).netloc for url in window.asked if not url.startswith(("data:", "blob:"))}
     assert asked == {f"127.0.0.1:{served.port}"}
 
 
-def shows_any(page):
-    """Wait until the page shows an image."""
-    page.wait_for_function("window.vsensorExamine && window.vsensorExamine.shown >= 0")
+def follow(page, **settings):
+    """Follow a link to a view within the loaded page."""
+    page.evaluate("hash => { location.hash = hash; }", urlencode(SETTINGS | {"go": next(LINKS)} | settings))
 
 
 def shows(page, number):
@@ -64,21 +76,29 @@ def shows(page, number):
     page.wait_for_function("n => window.vsensorExamine && window.vsensorExamine.shown === n", arg=number)
 
 
-def curves(page, plot="analysis"):
-    """Return names and numbers of points of what a plot of the server shows."""
-    found = page.evaluate(
-        "id => document.querySelector(`#${id} .js-plotly-plot`).data.map(c => [c.name, (c.y || []).length])",
-        plot,
-    )
-    return {name: count for name, count in found if name}
-
-
-def wait_for_axis(page, text):
+def wait_for_plot(page, y_title, x_title="", sides=None):
+    """Wait until the analysis shows these axes, and where they are given curves of these sides alone."""
     page.wait_for_function(
-        """text => { const g = document.querySelector('#analysis .js-plotly-plot');
-        return g && g.layout.yaxis.title.text.includes(text); }""",
-        arg=text,
+        """([yTitle, xTitle, sides]) => { const g = document.querySelector('#analysis .js-plotly-plot');
+        return g && g._fullLayout && g.layout.yaxis.title.text.includes(yTitle)
+        && g.layout.xaxis.title.text.includes(xTitle)
+        && (!sides || sides === g.data.map((d) => d.name).filter(Boolean).join()); }""",
+        arg=[y_title, x_title, sides],
     )
+
+
+def wait_for_first_view(page):
+    """Wait until the page is as it is at first."""
+    shows(page, 0)
+    wait_for_plot(page, "lane error at 50 m", "time (s)", "left,right")
+
+
+def curves(page):
+    """Return names and numbers of points of what the analysis shows."""
+    found = page.evaluate(
+        "document.querySelector('#analysis .js-plotly-plot').data.map(c => [c.name, (c.y || []).length])"
+    )
+    return {name: points for name, points in found if name}
 
 
 def choose(page, name):
@@ -86,7 +106,7 @@ def choose(page, name):
 
 
 def test_the_drive_is_there_with_its_lines_its_totals_and_its_errors(page):
-    wait_for_axis(page, "lane error at 50 m")
+    wait_for_plot(page, "lane error at 50 m")
     assert set(curves(page)) == {"left", "right"}
     names = page.evaluate("document.getElementById('above').data.map(c => c.name)")
     assert {"trajectory", "reference", "left reported", "right reported", "vehicle"} <= set(names)
@@ -108,7 +128,7 @@ def test_the_reported_line_stands_where_it_was_reported(page):
 )
 def test_each_function_is_drawn(page, function, axis):
     choose(page, function)
-    wait_for_axis(page, axis)
+    wait_for_plot(page, axis)
     assert min(curves(page).values()) >= 50
 
 
@@ -116,14 +136,14 @@ def test_a_raw_signal_is_drawn_once_it_is_chosen(page):
     choose(page, "signal")
     page.wait_for_selector(".choice.signal", state="visible")
     page.evaluate("dash_clientside.set_props('signal', {value: 'VEH_Motion.VehicleSpeed'})")
-    wait_for_axis(page, "VEH_Motion.VehicleSpeed (km/h)")
+    wait_for_plot(page, "VEH_Motion.VehicleSpeed (km/h)")
 
 
 def test_what_cannot_be_shown_is_said_on_the_page(page):
     page.evaluate("dash_clientside.set_props('range', {value: -5})")
     page.wait_for_function("document.getElementById('said').textContent.includes('a number from 0 to 250')")
     page.evaluate("dash_clientside.set_props('range', {value: 20})")
-    wait_for_axis(page, "lane error at 20 m")
+    wait_for_plot(page, "lane error at 20 m")
     assert page.inner_text("#said") == ""
 
 
@@ -134,7 +154,7 @@ def test_the_largest_error_is_found_with_one_click(page, drive):
 
 
 def test_a_click_on_a_point_jumps_to_its_image(page, drive):
-    wait_for_axis(page, "lane error")
+    wait_for_plot(page, "lane error")
     place = page.evaluate(
         """() => { const g = document.querySelector('#analysis .js-plotly-plot'), a = g._fullLayout.xaxis,
         u = g._fullLayout.yaxis, box = g.getBoundingClientRect(), c = g.data[0], k = 100;
@@ -149,13 +169,13 @@ def test_a_click_on_a_point_jumps_to_its_image(page, drive):
 
 def test_sorted_by_yaw_rate_the_axis_says_so(page):
     page.click("#sort label:nth-of-type(2)")
-    page.wait_for_function(
-        "document.querySelector('#analysis .js-plotly-plot').layout.xaxis.title.text.includes('yaw rate')"
-    )
+    wait_for_plot(page, "lane error", "yaw rate")
 
 
 def test_keys_step_jump_and_play_also_after_a_click_elsewhere(page, drive):
     page.click("#sides label:nth-of-type(2)")
+    wait_for_plot(page, "lane error", sides="left")
+    page.select_option("#player select", "1")
     page.keyboard.press("ArrowRight")
     shows(page, 1)
     page.keyboard.press("Shift+ArrowRight")
@@ -188,33 +208,37 @@ def test_the_slider_moves_the_picture(page):
     assert "3.08" in page.inner_text("#clock")
 
 
-def test_the_address_restores_the_view_in_another_window(page, browser):
+def test_a_link_followed_in_the_open_page_restores_its_view(page):
+    follow(page, function="over_range", range=30, image=123, frame="world", zoom=200)
+    shows(page, 123)
+    wait_for_plot(page, "lane error (m)")
+    assert page.input_value("#range") == "30"
+    assert [box.input_value() for box in page.locator("#above-tools select").all()] == ["world", "200"]
+
+
+def test_the_address_restores_the_view_in_another_window_that_goes_its_own_way(page):
     choose(page, "over_range")
-    wait_for_axis(page, "lane error (m)")
+    wait_for_plot(page, "lane error (m)")
     page.evaluate("window.vsensorExamine.go(123)")
     page.wait_for_function("location.hash.includes('image=123') && location.hash.includes('over_range')")
-    with opened(browser, page.url) as other:
+    with opened_beside(page) as other:
         shows(other, 123)
-        wait_for_axis(other, "lane error (m)")
-        assert "image 123" in other.evaluate(
-            "document.querySelector('#analysis .js-plotly-plot').layout.title.text"
+        wait_for_plot(other, "lane error (m)")
+        other.wait_for_function(
+            "document.querySelector('#analysis .js-plotly-plot').layout.title.text.includes('image 123')"
         )
-
-
-def test_two_windows_do_not_disturb_each_other(page, browser, served):
-    with opened(browser, served.url) as other:
-        shows(other, 0)
         page.evaluate("window.vsensorExamine.go(50)")
         shows(page, 50)
         choose(other, "width")
-        wait_for_axis(other, "road width")
-        assert other.evaluate("window.vsensorExamine.shown") == 0
-        wait_for_axis(page, "lane error at 50 m")
+        wait_for_plot(other, "road width")
+        assert other.evaluate("window.vsensorExamine.shown") == 123
+        wait_for_plot(page, "lane error (m)")
+        assert other.faults == []
 
 
 @pytest.mark.parametrize("view", ["analysis", "above"])
 def test_a_view_is_exported_as_a_drawing_with_its_axes(page, view, tmp_path):
-    wait_for_axis(page, "lane error")
+    wait_for_plot(page, "lane error")
     page.select_option("#export-view", view)
     with page.expect_download() as download:
         page.click("#svg")
@@ -230,7 +254,7 @@ def test_the_analysis_is_exported_as_csv(page, drive, tmp_path):
     assert (tmp_path / "view.csv").read_text() == csv_of(drive, View(sides=(Side.LEFT, Side.RIGHT)))
 
 
-BOXES = (
+BOXES = [
     "#examine > header",
     "#above-tools",
     "#above",
@@ -240,29 +264,13 @@ BOXES = (
     "#quality",
     "#panel",
     "#player",
-)
+]
+TOOLS = ".controls .choice, header button, header select"
 
 
-@pytest.mark.parametrize(("width", "height"), [(1280, 800), (1920, 1080)])
-def test_nothing_overlaps_or_leaves_the_window(browser, served, width, height):
-    with opened(browser, served.url, width=width, height=height) as page:
-        shows(page, 0)
-        wait_for_axis(page, "lane error")
-        boxes = {name: page.locator(name).bounding_box() for name in BOXES}
-        tools = page.locator(".controls .choice:visible, header button, header select").all()
-        inner = [one.bounding_box() for one in tools]
-        keep_screenshot(page, f"examine_{width}x{height}")
-    for name, box in boxes.items():
-        assert box["x"] >= 0, name
-        assert box["x"] + box["width"] <= width, name
-        assert box["y"] + box["height"] <= height, name
-    for group in (list(boxes.values()), inner):
-        for k, one in enumerate(group):
-            for other in group[k + 1 :]:
-                apart = (
-                    one["x"] + one["width"] <= other["x"] + 1
-                    or other["x"] + other["width"] <= one["x"] + 1
-                    or one["y"] + one["height"] <= other["y"] + 1
-                    or other["y"] + other["height"] <= one["y"] + 1
-                )
-                assert apart, (one, other)
+@pytest.mark.parametrize(("width", "height"), [(1920, 1080), (1280, 800)])
+def test_nothing_overlaps_or_leaves_the_window(page, width, height):
+    page.set_viewport_size({"width": width, "height": height})
+    wrong = misplaced(page, BOXES, TOOLS, width, height)
+    keep_screenshot(page, f"examine_{width}x{height}")
+    assert wrong == []

@@ -1,8 +1,11 @@
 import importlib.util
 import json
+from itertools import product
 from pathlib import Path
 
 import pytest
+
+from tests.apps import pages
 
 ROOT = Path(__file__).parents[2]
 
@@ -97,3 +100,24 @@ def test_what_was_said_on_vcan_is_shown_though_it_ran_beside_the_rest(ends_with,
     monkeypatch.setattr(tool, "start", start)
     tool.main()
     assert "3 failed there" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("marks", [*product((False, True), repeat=3)], ids=str)
+def test_each_test_is_in_exactly_one_part(ends_with, monkeypatch, marks):
+    tool = ends_with(0, 0, 0)
+    quiet, selections = tool.start, []
+
+    def start(before, arguments, output=None):
+        selections.append(arguments[arguments.index("-m") + 1])
+        return quiet()
+
+    monkeypatch.setattr(tool, "start", start)
+    tool.main()
+    names = dict(zip(("vcan", "timing", "browser"), marks, strict=True))
+    assert [eval(one, {}, names) for one in selections].count(True) == 1
+
+
+def test_a_test_in_a_browser_fails_where_there_is_none(monkeypatch, tmp_path):
+    monkeypatch.setattr(pages, "CHROMIUM", tmp_path / "absent")
+    with pytest.raises(pytest.fail.Exception, match="absent is missing"), pages.chromium():
+        pass
