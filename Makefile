@@ -47,7 +47,7 @@ lint: .venv/lint
 	.venv/bin/mypy --strict vsensor
 
 bench: .venv/bench
-	@tools/debian $(PEER_PACKAGES) $(VCAN_PACKAGES)
+	@tools/debian $(PEER_PACKAGES) $(VCAN_PACKAGES) $(BROWSER_PACKAGES)
 	.venv/bin/python -m tools.bench
 
 clean:

@@ -8,6 +8,7 @@ import pytest
 
 from tests.apps.examined import HIT_S, bent_drive
 from tests.apps.pages import chromium, keep_screenshot, misplaced, opened, opened_beside
+from tools.bench.looking import slider_ms
 from vsensor.apps.examine.page import make_app
 from vsensor.apps.examine.server import PageServer
 from vsensor.apps.examine.views import View, csv_of
@@ -206,6 +207,13 @@ def test_the_slider_moves_the_picture(page):
     )
     shows(page, 77)
     assert "3.08" in page.inner_text("#clock")
+
+
+def test_the_bench_moves_the_slider_and_waits_for_each_picture(page):
+    took_ms = slider_ms(page, 3)
+    assert len(took_ms) == 3
+    assert min(took_ms) > 0
+    assert page.evaluate("window.vsensorExamine.shown") == int(page.input_value("#slider")) > 0
 
 
 def test_a_link_followed_in_the_open_page_restores_its_view(page):

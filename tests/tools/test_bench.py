@@ -8,7 +8,7 @@ import pytest
 
 from tests import stories
 from tests.shared import SHARED_DATA, needs_shared
-from tools.bench import errors, frontier, growth, peers, pictures, reference, scans, world
+from tools.bench import errors, frontier, growth, looking, peers, pictures, reference, scans, world
 from tools.bench.__main__ import main
 from tools.bench.report import markdown
 from tools.bench.scene import boxes_in_view, reference_line, ticks_at
@@ -151,6 +151,13 @@ def test_an_unknown_section_is_refused(capsys):
     with pytest.raises(SystemExit):
         main(["--only", "demo,nothing"])
     assert "nothing" in capsys.readouterr().err
+
+
+def test_of_the_examiner_first_view_slider_and_memory_are_judged_each_for_itself():
+    found = {"images": 90_000, "first_view_s": 4.9, "slider_p95_ms": 151.0, "memory_gib": 1.49}
+    rows = looking.targets(found)
+    assert [row[3] for row in rows] == [True, False, True]
+    assert rows[1][:3] == ("examiner, 1 h: from slider to picture, p95", "150 ms", "151 ms")
 
 
 def test_the_bench_of_scans_measures_cost_and_path_and_judges_both():

@@ -13,6 +13,7 @@ from tools.bench import (
     errors,
     frontier,
     growth,
+    looking,
     loop,
     peers,
     pictures,
@@ -28,7 +29,7 @@ from tools.bench.report import markdown
 
 SECTIONS = (
     *("demo", "fast", "encoding", "decoding", "errors", "vcan", "loop", "timing", "replay"),
-    *("reference", "frontier", "growth", "memory", "hard", "scan", "tune", "world"),
+    *("reference", "frontier", "growth", "memory", "hard", "scan", "tune", "world", "examine"),
 )
 
 
@@ -76,6 +77,7 @@ def main(words: list[str] | None = None) -> int:
         "scan": ("scan", scans.scans),
         "tune": ("tune", lambda: tuning.tunings(full=arguments.full)),
         "world": ("world", world.world),
+        "examine": ("examine", looking.examined),
     }
     report: dict[str, dict] = {"machine": machine()}
     for section, (key, work) in works.items():

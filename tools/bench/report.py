@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tools.bench import errors, loop, report_replay, report_timing, scans, tuning, world
+from tools.bench import errors, looking, loop, report_replay, report_timing, scans, tuning, world
 from tools.bench.tables import table
 
 Report = Mapping[str, Any]
@@ -214,6 +214,7 @@ TARGETS = {
     "scan": scans.targets,
     "tune": tuning.targets,
     "world": world.targets,
+    "examine": looking.targets,
 }
 SECTIONS = {
     "demo_tick": lambda demo: "## The demo tick\n\n" + _stages(demo["stages_p50_ms"]),

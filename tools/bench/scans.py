@@ -83,12 +83,12 @@ def page(found: Mapping[str, Any]) -> str:
 
 
 def _cost(folder: Path, repeats: Sequence[int], base_s: float) -> dict[str, Any]:
-    base = _drive(1000.0, 20.0, 0.12, seconds=base_s).write(folder / "base.blf")
+    base = wavy_drive(1000.0, 20.0, 0.12, seconds=base_s).write(folder / "base.blf")
     scan_log(base, "base", folder / "table", ScanOptions())  # warms up
     lengths_s, cpu_s = [], []
     with one_core():
         for count in repeats:
-            log = _repeated(base, folder / f"x{count}.blf", count)
+            log = repeated(base, folder / f"x{count}.blf", count)
             began = time.process_time()
             info = scan_log(log, log.stem, folder / "table", ScanOptions())
             cpu_s.append(time.process_time() - began)
@@ -103,7 +103,8 @@ def _cost(folder: Path, repeats: Sequence[int], base_s: float) -> dict[str, Any]
     }
 
 
-def _repeated(base: Path, path: Path, count: int) -> Path:
+def repeated(base: Path, path: Path, count: int) -> Path:
+    """Write a log that is another one again and again."""
     log = read_log(base)
     span_ns = int(log.t_ns[-1] - log.t_ns[0]) + 1_000_000
     parts = [log.t_ns + k * span_ns for k in range(count)]
@@ -115,7 +116,8 @@ def _repeated(base: Path, path: Path, count: int) -> Path:
     return path
 
 
-def _drive(radius_m: float, speed_mps: float, noise_degps: float, seconds: float | None = None) -> Drive:
+def wavy_drive(radius_m: float, speed_mps: float, noise_degps: float, seconds: float | None = None) -> Drive:
+    """Return a winding drive, its yaw rate a car's; without `seconds` to the road's end, with poses."""
     bend, ease_m, arc_m = 1.0 / radius_m, 80.0, 300.0
     way = [(250.0, 0.0, 0.0)]
     for sign in (1.0, -1.0):
@@ -141,7 +143,7 @@ def _path(folder: Path, radii_m: Sequence[float], speeds_mps: Sequence[float]) -
     for radius in radii_m:
         for speed in speeds_mps:
             for word, noise in NOISE_DEGPS.items():
-                added = _added(folder, _drive(radius, speed, noise))
+                added = _added(folder, wavy_drive(radius, speed, noise))
                 given = {"radius_m": radius, "speed_mps": speed, "yaw_rate": word}
                 rows += [{**given, **row} for row in _by_range(added, radius)]
     return rows
