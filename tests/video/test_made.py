@@ -6,16 +6,17 @@ import numpy as np
 import polars as pl
 import pytest
 
-from vsensor.config import load_scenario
+from vsensor.config import SHIPPED, load_scenario
 from vsensor.errors import ConfigError
 from vsensor.profile import load_profile
 from vsensor.schema import read_toml
 from vsensor.video.can_signals import read_can
 from vsensor.video.made import MakeOptions, make_events
 from vsensor.video.made.drives import LIGHTS, PLACES, Plan, planned
-from vsensor.video.made.event import write_event
+from vsensor.video.made.event import write_event, write_toml
 from vsensor.video.made.kinds import VEHICLE
 from vsensor.video.made.truth import COLUMNS
+from vsensor.world.opendrive import load_map
 
 cv2 = pytest.importorskip("cv2")
 
@@ -178,6 +179,16 @@ def test_drawn_events_keep_to_the_criteria_of_the_study(number):
     radii = [piece["radius_m"] for piece in (made_of.road or {}).get("line", []) if piece["kind"] == "bend"]
     assert all(np.degrees(fastest_mps / radius) <= 10.0 for radius in radii)
     assert max(abs(offset) for _, offset in ego["offset_m"]) + VEHICLE.width_m / 2 < 3.75 / 2
+
+
+def test_every_drawn_road_can_be_built_and_every_drive_begins_on_its_road(tmp_path):
+    for number in range(84):
+        made_of = planned("eor", 1, number)
+        place = SHIPPED / (made_of.shipped or "")
+        if made_of.road is not None:
+            place = tmp_path / "road.toml"
+            write_toml(place, {"schema": "vsensor.road/1", "road": [made_of.road]})
+        assert made_of.scenario["ego"]["s_m"] < load_map(place).road("1").length_m, number
 
 
 def test_a_sixth_of_the_drawn_roads_and_more_have_bends_that_the_study_calls_curvy():

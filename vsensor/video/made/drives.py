@@ -24,7 +24,7 @@ _SPEED_KMH = {
     "track": (70.0, 95.0),
     "highway": (90.0, 125.0),
 }
-_STARTS_M = {"track": 5000.0, "highway": 2500.0}
+_STARTS_M = {"track": 5000.0, "highway": 1300.0}  # of the road that a drive begins on
 _VIEW_M = 260.0  # of road beyond the last place of the vehicle
 _CLOSEST_M = 0.15  # the wheel stays so far inside of the marking
 

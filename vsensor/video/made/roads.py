@@ -99,7 +99,7 @@ def _town(rng: np.random.Generator, length_m: float) -> Drawn:
     width_m = float(rng.choice([3.0, 3.25]))
     edge = {"kind": "solid", "width_m": 0.12} if rng.random() < 0.75 else {"kind": "none"}
     first_m = rng.uniform(_NOT_BEFORE_M, 200.0)
-    places_m = [round(float(at), 1) for at in np.arange(first_m, length_m, rng.uniform(120.0, 260.0))]
+    places_m = [round(float(at), 1) for at in np.arange(first_m, length_m - 10.0, rng.uniform(120.0, 260.0))]
     road = {
         "centre": {"kind": "dashed", "dash_m": 3.0, "gap_m": 3.0, "width_m": 0.12, "wear": _wear(rng)},
         "left": [{"width_m": width_m, "paint": edge}],
@@ -168,10 +168,11 @@ def _gaps(rng: np.random.Generator, length_m: float, borders: list[int]) -> list
     for at in places.tolist():
         if at <= end_m + 10.0:
             continue
-        length = float(rng.choice([10.0, 20.0, 50.0, 90.0, 150.0]))
+        length = min(float(rng.choice([10.0, 20.0, 50.0, 90.0, 150.0])), round(length_m - at - 1.0, 1))
         which = borders if rng.random() < 0.3 else [borders[int(rng.integers(2))]]
-        gaps.append({"borders": which, "at_m": round(at, 1), "length_m": length})
-        end_m = at + length
+        if length >= 5.0:
+            gaps.append({"borders": which, "at_m": round(at, 1), "length_m": length})
+            end_m = at + length
     return gaps
 
 
@@ -183,7 +184,7 @@ def _ghost(rng: np.random.Generator, length_m: float, borders: list[int]) -> dic
     return {
         "border": borders[0 if is_left else 1],
         "from_m": round(start, 1),
-        "to_m": round(start + rng.uniform(80.0, 250.0), 1),
+        "to_m": round(min(start + rng.uniform(80.0, 250.0), length_m - 1.0), 1),
         "offset_m": round(-inside_m if is_left else inside_m, 2),
         "contrast": 0.15,
     }
