@@ -292,9 +292,11 @@
     go(state.k);
   }
 
-  function linked() { if (location.hash.length > 1) state.wanted = new URLSearchParams(location.hash.slice(1)); }
-  linked();
-  window.addEventListener("hashchange", () => { linked(); if (drawn) restore(); }); // another link in the same tab
+  function linked(hash) { if (hash.length > 1) state.wanted = new URLSearchParams(hash.slice(1)); }
+  linked(location.hash);
+  window.addEventListener("hashchange", (event) => { // another link in the same tab; `remember` may have written over it
+    linked(new URL(event.newURL).hash); if (drawn) restore();
+  });
   window.vsensorExamine = { state, drawTimes, go, shown: -1 };
   window.dash_clientside = Object.assign({}, window.dash_clientside, {
     examine: {
