@@ -27,14 +27,31 @@ ANY_OFFSET_M, ANY_SLOPE = 10.0, 0.15
 """Standard deviations where nothing is known."""
 SAME_M = 0.5
 """A line so near to a known one is that one."""
+SAME_STRIPE_M = 0.12
+"""So near to a known double marking's outer stripe a line is that stripe."""
+DOUBLE_S = 1.0
+"""A double marking is taken for one for so long without its inner stripe: paint between two dashes."""
 BESIDE_M, LANE_STD_M = 0.8, 0.25
 """A line so near to where the lane's other line is expected is that, and how sure its place is."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Double:
+    """A double marking: its outer stripe's offset at the camera, how far to the left of it the inner one is.
+
+    `age_s` is the time since the inner one was seen.
+    """
+
+    outer_m: float
+    gap_m: float
+    age_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Known:
     """The road as expected: its shape, or None, and the offsets (L,) of its lines at the camera.
 
+    Of its double markings the lines are the inner stripes.
     `rest_rad` is the body's pitch at rest, `age_s` the time since the road was last seen, `lane_m` how wide
     the lane is (inf: not known).
     """
@@ -44,10 +61,17 @@ class Known:
     rest_rad: float = 0.0
     age_s: float = 0.0
     lane_m: float = inf
+    doubles: tuple[Double, ...] = ()
+
+    def double(self, offset_m: float) -> Double | None:
+        """Return the double marking whose outer stripe a line at `offset_m` is, if it is one's."""
+        of = (double for double in self.doubles if abs(double.outer_m - offset_m) < SAME_STRIPE_M)
+        return next(of, None)
 
     def near(self, offset_m: float) -> float | None:
         """Return the offset of the known line that a line at `offset_m` may be; None if none is near."""
-        nearest = min(self.offsets_m, key=lambda other: abs(other - offset_m), default=None)
+        stripes = (*self.offsets_m, *(double.outer_m for double in self.doubles))
+        nearest = min(stripes, key=lambda other: abs(other - offset_m), default=None)
         return nearest if nearest is not None and abs(nearest - offset_m) < SAME_M else None
 
     def offsets(self, found_m: Array) -> tuple[Array, Array]:
@@ -80,6 +104,7 @@ class Memory:
     t_ns: int = 0
     rest_rad: float = 0.0
     lane_m: float = inf
+    doubles: tuple[Double, ...] = ()
 
     def now(self, motion: Motion, t_ns: int) -> Known:
         """Return what is to be expected of a picture: the vehicle has moved along x and turned."""
@@ -97,12 +122,19 @@ class Memory:
             rest_rad=self.rest_rad,
             age_s=age_s,
             lane_m=self.lane_m,
+            doubles=tuple(
+                replace(double, outer_m=double.outer_m + aside_m, age_s=double.age_s + age_s)
+                for double in self.doubles
+                if double.age_s + age_s < DOUBLE_S
+            ),
         )
 
-    def after(self, shape: Shape, offsets_m: tuple[float, ...], t_ns: int) -> "Memory":
+    def after(
+        self, shape: Shape, offsets_m: tuple[float, ...], doubles: tuple[Double, ...], t_ns: int
+    ) -> "Memory":
         """Return the memory of a picture; two lines or more also say where the body is at rest."""
         rest = self.rest_rad
         if len(offsets_m) >= 2:
             duration_s = (t_ns - self.t_ns) / NANOSECONDS_PER_SECOND if self.shape else REST_S
             rest += (shape.pitch_rad - rest) * (1.0 - exp(-max(duration_s, 0.0) / REST_S))
-        return Memory(shape=shape, offsets_m=offsets_m, t_ns=t_ns, rest_rad=rest, lane_m=self.lane_m)
+        return replace(self, shape=shape, offsets_m=offsets_m, doubles=doubles, t_ns=t_ns, rest_rad=rest)

@@ -1,6 +1,6 @@
 """Which of the fitted lines are lines of a lane, and how each of them was seen."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import sqrt
 
 import numpy as np
@@ -9,7 +9,7 @@ from vsensor.types import Array, BoolArray, Colour, Fit, MarkingKind, Sighting, 
 from vsensor.video.ridge.confidence import confidence
 from vsensor.video.ridge.config import RidgeConfig
 from vsensor.video.ridge.ground import Ground
-from vsensor.video.ridge.known import Known
+from vsensor.video.ridge.known import Double, Known
 from vsensor.video.ridge.paint import Points
 from vsensor.video.ridge.road import Road, inliers, polynomial
 from vsensor.video.ridge.search import votes
@@ -18,8 +18,13 @@ CLUTTER = 3.0
 """A line has so many more rows of paint than would lie along it by chance, in deviations of that number..."""
 SURE_ROWS = 14
 """... and so many at least, unless a line is known to be there."""
-SHARE = 0.3
-"""The inner stripe of a double marking has this part of the outer one's paint, or it is no stripe."""
+AS_LIGHT = 0.25
+"""Stripes of a double marking are about as light: by this part of the other one's contrast at least. Of paint
+they may show any share: dashes of 3 m every 9 m, far ahead one with the other stripe, have a tenth of it."""
+STRIPES_APART_M = 0.15
+"""Two fits nearer to each other than this at the front axle are of one stripe."""
+GAP_STD_M = 0.02
+"""How surely the one stripe of a double marking is known from where the other one is."""
 DASHED = 0.75
 """A line with less paint than this along its length is dashed."""
 SHARP_M = 0.04
@@ -35,16 +40,21 @@ NARROWEST_M, WIDEST_M, USUAL_M = 0.06, 0.5, 0.12
 class Line:
     """One line of the picture: its points (N,) bool, place at the front axle, paint in rows and in metres.
 
-    `misfit` is the points' root mean square distance from it, in their standard deviations.
+    `strength` is the median of its points', `misfit` their root mean square distance from it, in standard
+    deviations. Of a `double` marking it is the inner stripe; where that shows no paint, between its dashes,
+    the points are the outer one's, and it is `beside_m` from them.
     """
 
     k: int
     points: BoolArray
     at_axle_m: float
     votes: float
+    strength: float
     rows: int
     length_m: float
     misfit: float
+    double: Double | None = None
+    beside_m: float = 0.0
 
 
 def choose(config: RidgeConfig, ground: Ground, points: Points, road: Road, known: Known) -> list[Line]:
@@ -57,14 +67,17 @@ def choose(config: RidgeConfig, ground: Ground, points: Points, road: Road, know
         near = [other for other in kept if abs(other.at_axle_m - line.at_axle_m) < config.least_lane_m]
         if not near:
             kept.append(line)
-        elif len(near) == 1 and _is_inner_stripe(config, line, near[0]):
-            kept[kept.index(near[0])] = line
-    return sorted(kept, key=lambda line: -line.at_axle_m)
+        elif len(near) == 1 and _is_double(config, line, near[0]):
+            kept[kept.index(near[0])] = _inner(road, line, near[0])
+    return sorted((_beside(road, known, line) for line in kept), key=lambda line: -line.at_axle_m)
 
 
 def sighting(config: RidgeConfig, ground: Ground, points: Points, road: Road, line: Line) -> Sighting:
     """Return a line as this picture shows it."""
     coefficients, covariance = polynomial(road, line.k, ground.foot_m)
+    if line.beside_m:
+        coefficients[0] += line.beside_m
+        covariance[0, 0] += GAP_STD_M**2
     ahead, residual = road.ahead_m[line.points], road.residual_m[line.points]
     begin, end = ground.foot_m[0] + float(ahead.min()), ground.foot_m[0] + float(ahead.max())
     fit = Fit(
@@ -95,6 +108,7 @@ def _line(config: RidgeConfig, ground: Ground, points: Points, road: Road, k: in
         points=on_line,
         at_axle_m=float(np.polynomial.polynomial.polyval(ground.front_axle_m, coefficients)),
         votes=float(votes(points)[on_line].sum()),
+        strength=float(np.median(points.strength[on_line])) if len(rows) else 0.0,
         rows=len(rows),
         misfit=_misfit(road, k),
         length_m=float((ground.growth - 1.0) * ground.ahead_m[rows].sum()),
@@ -119,10 +133,28 @@ def _is_line(config: RidgeConfig, line: Line, chance: float, known_m: float | No
     return line.rows > (least if known_m is not None else least + SURE_ROWS)
 
 
-def _is_inner_stripe(config: RidgeConfig, line: Line, other: Line) -> bool:
-    """Return whether a line is the inner stripe of a double marking whose other stripe was taken."""
-    is_double = abs(line.at_axle_m - other.at_axle_m) < config.double_m
-    return is_double and abs(line.at_axle_m) < abs(other.at_axle_m) and line.votes > SHARE * other.votes
+def _is_double(config: RidgeConfig, line: Line, other: Line) -> bool:
+    """Return whether a line and a stronger one are the stripes of a double marking."""
+    apart_m = abs(line.at_axle_m - other.at_axle_m)
+    return STRIPES_APART_M < apart_m < config.double_m and line.strength > AS_LIGHT * other.strength
+
+
+def _inner(road: Road, line: Line, other: Line) -> Line:
+    """Return the inner one of two stripes of a double marking; of more the strongest two count."""
+    if other.double is not None:
+        return other
+    inner, outer = sorted((line, other), key=lambda stripe: abs(stripe.at_axle_m))
+    inner_m, outer_m = (float(road.offset_m[stripe.k]) for stripe in (inner, outer))
+    return replace(inner, double=Double(outer_m=outer_m, gap_m=inner_m - outer_m))
+
+
+def _beside(road: Road, known: Known, line: Line) -> Line:
+    """Return the inner stripe of a known double marking where the outer one alone is seen."""
+    double = known.double(float(road.offset_m[line.k])) if line.double is None else None
+    if double is None or abs(line.at_axle_m + double.gap_m) > abs(line.at_axle_m):
+        return line
+    at_axle_m = line.at_axle_m + double.gap_m
+    return replace(line, at_axle_m=at_axle_m, beside_m=double.gap_m, double=double)
 
 
 def _width_m(ground: Ground, points: Points, line: Line) -> float:

@@ -14,7 +14,7 @@ from vsensor.types import Boundary, EgoState, LaneEstimate, Side, Sighting, Tick
 from vsensor.video.ridge import lines
 from vsensor.video.ridge.config import RidgeConfig
 from vsensor.video.ridge.ground import Ground
-from vsensor.video.ridge.known import Known, Memory
+from vsensor.video.ridge.known import SAME_M, Known, Memory
 from vsensor.video.ridge.paint import Points, Stencil, find, stencils
 from vsensor.video.ridge.road import Road, fit_road
 from vsensor.video.ridge.search import MOST_PITCH, search
@@ -65,10 +65,10 @@ class Ridge:
         self, state: RidgeState, picture: Picture, motion: Motion
     ) -> tuple[RidgeState, LaneEstimate, Look]:
         """Return the lines of one picture, and what they were found from."""
-        seen = self._seen(state.memory.now(motion, picture.t_ns), picture)
+        known = state.memory.now(motion, picture.t_ns)
+        seen = self._seen(known, picture)
         if seen.road is not None and seen.lines:
-            offsets = tuple(float(seen.road.offset_m[line.k]) for line in seen.lines)
-            state = replace(state, memory=state.memory.after(seen.road.shape, offsets, picture.t_ns))
+            state = replace(state, memory=_after(state.memory, known, seen.road, seen.lines, picture.t_ns))
         ego = EgoState(
             t_ns=picture.t_ns,
             position_world_m=np.zeros(3),
@@ -127,3 +127,18 @@ class Ridge:
             lines=tuple(chosen),
             sightings=tuple(seen for seen in sightings if seen.quality > 0),
         )
+
+
+def _after(memory: Memory, known: Known, road: Road, seen: tuple[lines.Line, ...], t_ns: int) -> Memory:
+    """Return what is known of the road after a picture of it; an outer stripe lies where it was seen now."""
+    offsets = [float(road.offset_m[line.k]) for line in seen]
+    doubles = [
+        replace(line.double, outer_m=offset) if line.beside_m else line.double
+        for line, offset in zip(seen, offsets, strict=True)
+        if line.double is not None
+    ]
+    unseen = [
+        one for one in known.doubles if all(abs(one.outer_m - other.outer_m) > SAME_M for other in doubles)
+    ]
+    inner = (offset + line.beside_m for line, offset in zip(seen, offsets, strict=True))
+    return memory.after(road.shape, tuple(inner), (*doubles, *unseen), t_ns)
