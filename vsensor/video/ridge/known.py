@@ -39,12 +39,13 @@ BESIDE_M, LANE_STD_M = 0.8, 0.25
 class Double:
     """A double marking: its outer stripe's offset at the camera, how far to the left of it the inner one is.
 
-    `age_s` is the time since the inner one was seen.
+    `age_s` is the time since the inner one was seen, `pictures` in how many it was.
     """
 
     outer_m: float
     gap_m: float
     age_s: float = 0.0
+    pictures: int = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

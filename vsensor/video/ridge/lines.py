@@ -21,8 +21,12 @@ SURE_ROWS = 14
 AS_LIGHT = 0.25
 """Stripes of a double marking are about as light: by this part of the other one's contrast at least. Of paint
 they may show any share: dashes of 3 m every 9 m, far ahead one with the other stripe, have a tenth of it."""
+SHARE, SURE_PICTURES = 0.3, 5
+"""With this part of the other one's paint it counts at once, else once seen in so many pictures: specks
+pass."""
 STRIPES_APART_M = 0.15
 """Two fits nearer to each other than this at the front axle are of one stripe."""
+SAME_GAP_M = 0.08
 GAP_STD_M = 0.02
 """How surely the one stripe of a double marking is known from where the other one is."""
 DASHED = 0.75
@@ -68,7 +72,7 @@ def choose(config: RidgeConfig, ground: Ground, points: Points, road: Road, know
         if not near:
             kept.append(line)
         elif len(near) == 1 and _is_double(config, line, near[0]):
-            kept[kept.index(near[0])] = _inner(road, line, near[0])
+            kept[kept.index(near[0])] = _inner(road, known, line, near[0])
     return sorted((_beside(road, known, line) for line in kept), key=lambda line: -line.at_axle_m)
 
 
@@ -139,19 +143,26 @@ def _is_double(config: RidgeConfig, line: Line, other: Line) -> bool:
     return STRIPES_APART_M < apart_m < config.double_m and line.strength > AS_LIGHT * other.strength
 
 
-def _inner(road: Road, line: Line, other: Line) -> Line:
+def _inner(road: Road, known: Known, line: Line, other: Line) -> Line:
     """Return the inner one of two stripes of a double marking; of more the strongest two count."""
     if other.double is not None:
         return other
     inner, outer = sorted((line, other), key=lambda stripe: abs(stripe.at_axle_m))
     inner_m, outer_m = (float(road.offset_m[stripe.k]) for stripe in (inner, outer))
-    return replace(inner, double=Double(outer_m=outer_m, gap_m=inner_m - outer_m))
+    before = known.double(outer_m)
+    is_again = before is not None and abs(before.gap_m - (inner_m - outer_m)) < SAME_GAP_M
+    pictures = 1 + (before.pictures if before is not None and is_again else 0)
+    is_sure = pictures >= SURE_PICTURES or inner.votes > SHARE * outer.votes
+    double = Double(outer_m=outer_m, gap_m=inner_m - outer_m, pictures=pictures)
+    return replace(inner if is_sure else outer, double=double)
 
 
 def _beside(road: Road, known: Known, line: Line) -> Line:
     """Return the inner stripe of a known double marking where the outer one alone is seen."""
     double = known.double(float(road.offset_m[line.k])) if line.double is None else None
-    if double is None or abs(line.at_axle_m + double.gap_m) > abs(line.at_axle_m):
+    if double is None or double.pictures < SURE_PICTURES:
+        return line
+    if abs(line.at_axle_m + double.gap_m) > abs(line.at_axle_m):
         return line
     at_axle_m = line.at_axle_m + double.gap_m
     return replace(line, at_axle_m=at_axle_m, beside_m=double.gap_m, double=double)
