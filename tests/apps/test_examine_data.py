@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.apps.examined import BEND_PER_M, HIT_M, HIT_S, ROUNDING_M, bent_drive, loaded
+from tests.apps.examined import BEND_PER_M, HIT_M, HIT_S, ROUNDING_M, loaded
 from tests.field.made_logs import Drive as Made
 from tests.field.made_logs import Road
 from tests.field.sensor_logs import record
@@ -26,12 +26,6 @@ from vsensor.field.scan import ScanOptions
 from vsensor.logs import open_log_writer
 from vsensor.sinks.trace import TraceSink
 from vsensor.types import Side, Unseen
-
-
-@pytest.fixture(scope="module")
-def drive(tmp_path_factory):
-    """A straight of 10 s at 20 m/s, the left line reported bent."""
-    return bent_drive(tmp_path_factory.mktemp("drive"))
 
 
 def test_the_road_is_as_wide_as_its_lines_are_apart(drive):

@@ -6,7 +6,7 @@ from urllib.parse import urlencode, urlsplit
 
 import pytest
 
-from tests.apps.examined import HIT_S, bent_drive
+from tests.apps.examined import HIT_S
 from tests.apps.pages import chromium, keep_screenshot, misplaced, opened, opened_beside
 from tools.bench.looking import slider_ms
 from vsensor.apps.examine.page import make_app
@@ -28,11 +28,6 @@ SETTINGS = {
 """The page as it is at first."""
 LINKS = count()
 """Makes each link another one: a browser does nothing about a link that it has followed already."""
-
-
-@pytest.fixture(scope="module")
-def drive(tmp_path_factory):
-    return bent_drive(tmp_path_factory.mktemp("drive"))
 
 
 @pytest.fixture(scope="module")
@@ -222,6 +217,11 @@ def test_a_link_followed_in_the_open_page_restores_its_view(page):
     wait_for_plot(page, "lane error (m)")
     assert page.input_value("#range") == "30"
     assert [box.input_value() for box in page.locator("#above-tools select").all()] == ["world", "200"]
+
+
+def test_a_link_is_followed_though_the_page_writes_its_own_view_over_it_meanwhile(page):
+    page.evaluate("location.hash = 'image=77'; history.replaceState(null, '', '#image=5')")
+    shows(page, 77)
 
 
 def test_the_address_restores_the_view_in_another_window_that_goes_its_own_way(page):

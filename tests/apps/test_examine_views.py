@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.apps.examined import HIT_S, ROUNDING_M, bent_drive, loaded
+from tests.apps.examined import HIT_S, ROUNDING_M, loaded
 from tests.field.made_logs import Drive as Made
 from vsensor.apps.examine.analysis import lane_error_m
 from vsensor.apps.examine.figures import analysis_figure, quality_figure
@@ -21,11 +21,6 @@ from vsensor.apps.examine.views import View, csv_of
 from vsensor.cli import main
 from vsensor.errors import ConfigError
 from vsensor.types import Side, Unseen
-
-
-@pytest.fixture(scope="module")
-def drive(tmp_path_factory):
-    return bent_drive(tmp_path_factory.mktemp("drive"))
 
 
 @pytest.fixture(scope="module")
