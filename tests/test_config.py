@@ -98,7 +98,7 @@ def test_the_sensor_gets_every_section_that_it_has(folder):
         ('source = "maps/here.xodr"\n[ego]\noffset_m = [[0, 0], [1, inf]]', r"ego.offset_m\[1\]\[1\] = inf"),
         ('source = "maps/here.xodr"\n[ego]\nspeed_mps = 20', "did you mean speed_kmh"),
         ('source = "maps/here.xodr"\n[region]\nspeed_kmh = [50, 20]\nrange_m = [40, 60]', "rising values"),
-        ('source = "maps/here.xodr"\n[[traffic]]\nlanes_left = 20', "traffic"),
+        ('source = "maps/here.xodr"\n[[traffic]]\nrecycle_m = 20', "traffic"),
     ],
 )
 def test_a_mistake_names_the_file_and_the_key(folder, text, says):

@@ -76,7 +76,7 @@ GOOD = {
     "million": 1000,
     "vcan": {
         "drive": {"canplayer": one(0.9), "python-can": one(0.9), "ours": one(), "realtime": one()},
-        "steady": {"ours": one(), "realtime": one()},
+        "steady": {"ours": one(), "realtime": one(), "unthrottled": one()},
         "without_waiting": {
             who: {"frames_per_s": rate, "lost": 0, "unlike": 0}
             for who, rate in (("canplayer", 20_000), ("python-can", 3000), ("ours", 10_000))
@@ -110,7 +110,7 @@ def page(found):
 
 
 def test_where_every_target_is_kept_none_is_called_missed():
-    assert "0 of 23 targets missed" in page(GOOD)
+    assert "0 of 25 targets missed" in page(GOOD)
 
 
 @pytest.mark.parametrize("keys", CASES, ids="/".join)
@@ -121,7 +121,7 @@ def test_what_is_too_late_too_slow_or_lost_is_called_missed(keys):
         place = place[key]
     value, missed = CASES[keys]
     place[keys[-1]] = value
-    assert f"{missed} of 23 targets missed" in page(bad)
+    assert f"{missed} of 25 targets missed" in page(bad)
 
 
 def test_a_real_time_player_is_judged_with_and_without_the_kernels_limit():
@@ -141,7 +141,7 @@ def test_what_a_sensor_that_is_laid_over_costs_is_said():
 def test_a_player_that_lost_frames_keeps_no_target_of_time():
     bad = copy.deepcopy(GOOD)
     bad["vcan"]["drive"]["ours"] = {"lost": 3, "unlike": 0}
-    assert "8 of 23 targets missed" in page(bad)
+    assert "8 of 25 targets missed" in page(bad)
 
 
 def test_everybody_is_named_and_what_could_not_be_measured_is_said():
