@@ -9,6 +9,8 @@ import shutil
 import subprocess
 import sys
 import textwrap
+import threading
+import time
 import tomllib
 from pathlib import Path
 
@@ -21,11 +23,12 @@ from tests.shared import SHARED_DATA
 from tests.vehicle_frames import Gateway
 from tests.video.boards import write_boards
 from tools.made_drives import drive_cells, made
+from vsensor.bus import open_bus
 from vsensor.camera import CameraConfig
 from vsensor.cli import main
 from vsensor.config import SHIPPED, ScenarioConfig
 from vsensor.sinks.trace_file import COLUMNS, SCHEMA
-from vsensor.types import SIDE_NAMES, Unseen
+from vsensor.types import SIDE_NAMES, Frame, Unseen
 
 pytestmark = pytest.mark.timeout(1800)  # one fixture runs some fifty commands
 ROOT = Path(__file__).parents[1]
@@ -122,7 +125,33 @@ def shortened(words):
     """Return the command; one in real time is cut to 1 s on a bus of this process."""
     if words[:2] == ["vsensor", "run"] and "--fast" not in words:
         words = [*words, "--bus", "virtual:readme", "--duration", "1"]
+    if "--start-at" in words:
+        words[words.index("--start-at") + 1] = str(time.time() + 1.0)
     return words
+
+
+@contextlib.contextmanager
+def awaited(words):
+    """Send the frame that a command waits for again and again while it runs."""
+    if "--wait-for" not in words:
+        yield
+        return
+    over = threading.Event()
+    arbitration_id = int(words[words.index("--wait-for") + 1], 16)
+
+    def send():
+        with open_bus(words[words.index("--bus") + 1]) as bus:
+            while not over.wait(0.05):
+                bus.send(Frame(due_ns=0, arbitration_id=arbitration_id, data=b""))
+                bus.drain()
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    try:
+        yield
+    finally:
+        over.set()
+        sender.join()
 
 
 @pytest.fixture(scope="module")
@@ -134,7 +163,8 @@ def results(folder):
         for command in commands():
             if command.startswith("vsensor ") and ("drive.mp4" not in command or Path("drive.mp4").exists()):
                 words, _, target = command.partition(" > ")
-                found[command] = ran(shortened(shlex.split(words))[1:])
+                with awaited(shlex.split(words)):
+                    found[command] = ran(shortened(shlex.split(words))[1:])
                 if target:
                     (folder / target).write_text(found[command][1])
     return found
