@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from vsensor.cli.adding import Commands, command, dbc_option, note, shows_progress
-from vsensor.cli.scanning import reference_of
+from vsensor.cli.scanning import reading_options, reference_of
 from vsensor.cli.values import port, positive
 from vsensor.stop import stop_signals
 
@@ -111,24 +111,7 @@ def add_examine(commands: Commands) -> None:
     added = command(commands, "examine", examine, EXAMINE_HELP)
     option = added.add_argument
     option("log", type=Path, help="CAN log: .log .asc .blf .mf4 .trc .csv, also gzipped")
-    option(
-        "--profile",
-        action="append",
-        metavar="NAME",
-        help="shipped name or file, or NAME=DATABASE; repeatable (native, vehicle)",
-    )
-    dbc_option(added, "the database of the profile that names none")
-    option(
-        "--reference",
-        nargs="+",
-        default=["gta"],
-        metavar="KIND",
-        help="gta (default), map FILE.xodr, or a line FILE.csv, .parquet",
-    )
-    option(
-        "--route", metavar="ROADS", help="roads of the map that the drive follows: 12,7,3 (straight ahead)"
-    )
-    option("--limits", type=Path, metavar="FILE", help="thresholds that differ from the defaults: .toml")
+    reading_options(added, "gta (default), map FILE.xodr, or a line FILE.csv, .parquet")
     option(
         "--compare",
         type=Path,

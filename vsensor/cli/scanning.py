@@ -96,12 +96,9 @@ def table(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def add_scan(commands: Commands) -> None:
-    """Add `vsensor scan`."""
-    added = command(commands, "scan", scan, SCAN_HELP)
+def reading_options(added: argparse.ArgumentParser, references: str) -> None:
+    """Add how a recorded drive is read: profiles, reference, route, thresholds."""
     option = added.add_argument
-    option("logs", nargs="+", type=Path, metavar="LOGS", help="CAN logs, or folders of them")
-    option("--out", required=True, type=Path, metavar="TABLE", help="folder of the table")
     option(
         "--profile",
         action="append",
@@ -109,15 +106,21 @@ def add_scan(commands: Commands) -> None:
         help="shipped name or file, or NAME=DATABASE; repeatable (native, vehicle)",
     )
     dbc_option(added, "the database of the profile that names none")
-    option(
-        "--reference",
-        nargs="+",
-        default=["gta"],
-        metavar="KIND",
-        help="gta (default), map FILE.xodr, or a line FILE.csv, .parquet (a folder: LOG_ID.csv each)",
-    )
+    option("--reference", nargs="+", default=["gta"], metavar="KIND", help=references)
     option(
         "--route", metavar="ROADS", help="roads of the map that the drive follows: 12,7,3 (straight ahead)"
+    )
+    option("--limits", type=Path, metavar="FILE", help="thresholds that differ from the defaults: .toml")
+
+
+def add_scan(commands: Commands) -> None:
+    """Add `vsensor scan`."""
+    added = command(commands, "scan", scan, SCAN_HELP)
+    option = added.add_argument
+    option("logs", nargs="+", type=Path, metavar="LOGS", help="CAN logs, or folders of them")
+    option("--out", required=True, type=Path, metavar="TABLE", help="folder of the table")
+    reading_options(
+        added, "gta (default), map FILE.xodr, or a line FILE.csv, .parquet (a folder: LOG_ID.csv each)"
     )
     option("--ranges", type=ranges, default=(1.0, 2.0, 100.0), metavar="A:STEP:B", help="in metres (1:2:100)")
     option(
@@ -126,7 +129,6 @@ def add_scan(commands: Commands) -> None:
     option(
         "--beyond-range", action="store_true", help="errors beyond the reported range too (they stay masked)"
     )
-    option("--limits", type=Path, metavar="FILE", help="thresholds that differ from the defaults: .toml")
     option("--plots", nargs="?", const="png", choices=("png", "pdf", "svg"), help="a page for each log (png)")
     option("--scheduler", metavar="ADDRESS", help="Dask scheduler; its workers must see the same files")
     option("--workers", type=count, metavar="N", help="local processes (all cores)")
